@@ -129,9 +129,11 @@ def read(
     >>> tracks[0].coordinates.tolist()
     [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]
     """
+    # Each function imports what it needs: who opens an archive doesn't wait for readers of logs.
     from gpszip.io.logs.read import read_logs
 
     # Read one source and several alike, and warn of tracks that lost many of their points.
+    # A text or a stream can be iterated, too, but it is one source.
     several = isinstance(sources, Iterable) and not _is_log_source(sources)
     listed = cast("Iterable[LogSource]", sources) if several else [cast("LogSource", sources)]
     result = read_logs(
@@ -245,17 +247,21 @@ def compress(
 
     # A single name would be taken for a sequence of letters.
     names = (keep,) if isinstance(keep, str) else tuple(keep)
+    # By position, in the order of the fields of Options, which checks them.
     options = Options(
         rmse, max_error, size, ratio, gap, k, m, times, names, keep_times, layer, effort, coreset
     )
 
     # The map and the tracks may still be files.
+    # Positions are read onto the plane of the map, so that both can be compared.
     known_map = map if map is None or isinstance(map, Archive) else open_archive(map)
     plane = None if known_map is None else known_map.grid.plane
     with _open_log(tracks, memory, plane, names, times, progress, options.thesis) as log:
         archive, report = compress_tracks(
             log, options, memory=memory, map=known_map, executor=executor, progress=progress
         )
+
+    # An archive that is opened from a file has no report; this one keeps what was measured.
     return replace(archive, report=report)
 
 
@@ -318,6 +324,7 @@ def append(
     # Files are read with the columns that the archive keeps.
     opened = archive if isinstance(archive, Archive) else open_archive(archive)
     keep, plane = opened.kept_columns or (), opened.grid.plane
+    # Only archives with times can be extended, so a table needs its column of times.
     with _open_log(tracks, memory, plane, keep, True, progress) as log:
         extended, report = append_tracks(
             opened,
@@ -360,7 +367,10 @@ def decompress(
     >>> [track.coordinates.round().tolist() for track in decompress(archive, every=3.0)]
     [[[0.0], [3.0], [6.0]]]
     """
+    # A path is opened first, with the map in its folder if it needs one.
     opened = archive if isinstance(archive, Archive) else open(archive)
+
+    # Knots are what is stored; positions at certain times are interpolated between them.
     return opened.decompress() if every is None and at is None else opened.sample(every, at=at)
 
 
@@ -496,6 +506,7 @@ def merge(
         pathlib.Path(source).stem if isinstance(source, str | os.PathLike) else str(number)
         for number, source in enumerate(archives, 1)
     ]
+    # The names are used in errors, and with ``same_id="prefix"`` in those of tracks.
     options = MergeOptions(deviation, max_deviation, same_id)
     merged, report = merge_archives(
         opened, options, names=names, executor=executor, progress=progress
@@ -534,6 +545,7 @@ def open(source: ArchiveSource, map: Archive | ArchiveSource | None = None) -> A
     >>> open(data).ids
     ('lane',)
     """
+    # This module's ``open`` hides Python's own, which is not used here.
     return open_archive(source, map)
 
 
@@ -675,7 +687,9 @@ def coreset(
     from gpszip.pipeline.coreset import sketch_log
     from gpszip.sketches.partition import build_coreset
 
+    # No column is kept: a coreset holds moments of times and positions only.
     with _open_log(tracks, memory, None, (), True, None) as log:
+        # Tracks in memory, given or read from files, get the balanced partition of all samples.
         if isinstance(log, MemoryLog | Track | Sequence):
             in_memory = log.tracks if isinstance(log, MemoryLog) else log
             return build_coreset(in_memory, k=k, eps=eps, size=size, max_bytes=max_bytes)
@@ -712,16 +726,19 @@ def save_coreset(coreset: Coreset, path: str | os.PathLike[str], *, force: bool 
 
 def _is_log_source(value: object) -> bool:
     """Whether this is a single file to read: a path, a pattern or a stream."""
+    # Streams are known by their method, as files, BytesIO and sockets share no class.
     return isinstance(value, str | os.PathLike) or hasattr(value, "read")
 
 
 def _as_names(sources: Iterable[LogSource]) -> list[str | BinaryIO]:
     """Return paths of any kind as text, and streams as they are."""
+    # Readers take text, since a pattern or - is no path.
     return [os.fspath(each) if isinstance(each, os.PathLike) else each for each in sources]
 
 
 def _files_among(tracks: Logs) -> list[LogSource] | None:
     """Files that were given in place of tracks; None for tracks."""
+    # A track has a length and takes slices, but can't be listed as a sequence can.
     if isinstance(tracks, Track):
         return None
     if _is_log_source(tracks):
@@ -732,6 +749,7 @@ def _files_among(tracks: Logs) -> list[LogSource] | None:
     files = [cast("LogSource", value) for value in values if _is_log_source(value)]
     if files and len(files) < len(values):
         raise OptionError("tracks and paths were given together", remedy="read the paths first")
+    # An empty sequence passes for tracks: whoever takes them says that there are none.
     return files or None
 
 
@@ -740,6 +758,7 @@ def _read_if_paths(tracks: Logs, *, heading: bool = False) -> Sequence[Track] | 
     files = _files_among(tracks)
     if files is None:
         return cast("Sequence[Track] | Track", tracks)
+    # What was read is a sequence of tracks itself.
     return read(files, heading=heading)
 
 
@@ -754,11 +773,13 @@ def _open_log(
     thesis: bool = False,
 ) -> Iterator[Sequence[Track] | Track | Log]:
     """Tracks as they were given, or the files that were given, in memory or on disk."""
+    # Tracks are passed on as they are: there is nothing to read, and nothing to close.
     files = _files_among(tracks)
     if files is None:
         yield cast("Sequence[Track] | Track", tracks)
         return
 
+    # Readers of files are imported only now: tracks in memory don't need them.
     from gpszip.pipeline.open_log import open_log
 
     with open_log(
@@ -771,17 +792,23 @@ def _open_log(
         times=times,
     ) as log:
         if log.read_result is not None:
+            # Warn before work that may take long.
             _warn_of_losses(log.read_result)
+        # The caller compresses within this block; afterwards a log on disk is removed.
         yield log
 
 
 def _warn_of_losses(result: ReadResult) -> None:
     """Warn at the line of the user, whether it reads files or compresses them."""
+    # Count the frames of this module and of contextlib, which runs _open_log, between here and the
+    # user's line. A warning that points into GPSZip would not tell which call lost points.
     depth, caller = 1, sys._getframe(1)
     while caller.f_back is not None and caller.f_globals.get("__name__") in {
         __name__,
         "contextlib",
     }:
         caller, depth = caller.f_back, depth + 1
+
+    # One more frame: that of this function.
     for loss in result.losses:
         warnings.warn(f"lost {loss}", LossWarning, stacklevel=depth + 1)

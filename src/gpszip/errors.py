@@ -77,6 +77,7 @@ class GPSZipError(Exception):
         location: str | None = None,
         remedy: str | None = None,
     ) -> None:
+        # The fields are set before the message, which is made of them.
         self.path = None if path is None else os.fspath(path)
         self.location = location
         self.reason = reason
@@ -106,6 +107,7 @@ class GPSZipError(Exception):
         located = type(self).__new__(type(self))
         located.__dict__.update(self.__dict__)
         located.path = os.fspath(path)
+        # args[0] is the text that str() shows; others are those of the subclass.
         located.args = (f"{located.path}: {located.detail}", *self.args[1:])
         return located
 
@@ -133,6 +135,7 @@ class TrackError(InputError):
     """Times or positions that don't make a track."""
 
 
+# A ValueError as well, as Python's own functions raise for such arguments.
 class OptionError(GPSZipError, ValueError):
     """Options that contradict each other or the data."""
 
@@ -178,6 +181,7 @@ class CorruptArchiveError(GPSZipError):
         path: str | os.PathLike[str] | None = None,
         remedy: str | None = None,
     ) -> None:
+        # The offset is a part of the reason, so that the message has it, too.
         place = "" if offset is None else f" (at byte {offset})"
         super().__init__(f"{reason}{place}", path=path, remedy=remedy)
         self.offset = offset
@@ -215,5 +219,7 @@ class MissingExtraError(GPSZipError, ImportError):
         self.extra = extra
         self.purpose = purpose
 
+    # Pickle would call the class with the message, which is no extra. Errors are pickled where they
+    # come from another process.
     def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, str]]:
         return type(self), (self.extra, self.purpose)

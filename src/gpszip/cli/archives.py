@@ -65,6 +65,7 @@ def open_archive_file(name: str, map_name: str | None = None) -> Iterator[Archiv
         If ``map_name`` is not its map; without a map, once it is needed.
     """
     data = read_archive_bytes(name)
+    # The caller's block runs inside: walks are decoded when they are used, and damage shows then.
     with explain_corruption(name, data):
         yield open_archive_bytes(name, data, map_name)
 
@@ -73,6 +74,7 @@ def open_archive_bytes(name: str, data: bytes, map_name: str | None) -> Archive:
     """Open an archive from the bytes of its file, see :func:`open_archive_file`."""
     from gpszip.archive import open_archive
 
+    # A map that isn't named is looked for in the folder of the file; standard input has none.
     archive_of_map = None if map_name is None else open_map_file(map_name)
     return open_archive(data, archive_of_map, beside=None if name == "-" else name)
 

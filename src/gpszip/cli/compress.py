@@ -32,8 +32,10 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
+#: Durations in seconds; infinite for "none".
 _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 
+#: Fields of Options that bound the archive, and their options on the command line.
 _BOUND_OPTIONS = {
     "rmse": "--rmse",
     "max_error": "--max-error",
@@ -186,6 +188,7 @@ def command(
     options = _compress_options(choices)
     extended = _archive_to_extend(target, choices)
     known_map = _open_map(choices)
+    # An archive that is extended has to be replaced.
     overwrite = force or extended is not None
     check_output(target, force=overwrite, binary=True)
     if choices["update_map"]:
@@ -209,6 +212,7 @@ def command(
 
     # Write the files, then print the summary.
     _write(target, archive, choices["update_map"], updated_map, force=overwrite)
+    # Logs that come from files always have one.
     assert read_result is not None
     if settings.json or not quiet:
         print_summary(target, read_result, report, as_json=settings.json)
@@ -317,6 +321,7 @@ def _archive_to_extend(target: str, choices: dict[str, Any]) -> Archive | None:
             "--append adds to the archive that -o names; "
             "it goes with neither standard output nor --map"
         )
+    # The first --append to a name makes the archive, so that a script needs no special case.
     if not Path(target).exists():
         return None
     with open_archive_file(target) as archive:
@@ -336,6 +341,8 @@ def _open_map(choices: dict[str, Any]) -> Archive | None:
 
 def _map_options(options: Options) -> Options:
     """Return options for the updated map: no limit of size, no columns, no exact times."""
+    # A size was asked for the walks. The map grows with each log, and needs no columns of their
+    # samples.
     return replace(options, size=None, ratio=None, keep=(), keep_times=False)
 
 
@@ -344,6 +351,7 @@ def _compress_options(choices: dict[str, Any]) -> Options:
     from gpszip.errors import OptionError
     from gpszip.model import Options
 
+    # Options checks the same again; here the message has the words that the user typed.
     given = [option for name, option in _BOUND_OPTIONS.items() if choices[name] is not None]
     if len(given) > 1 and given != ["--rmse", "--max-error"]:
         raise OptionError(f"{given[0]} and {given[-1]} were both given", remedy="give one")
@@ -355,5 +363,6 @@ def _compress_options(choices: dict[str, Any]) -> Options:
 
 
 def _kept_columns(choices: dict[str, Any]) -> tuple[str, ...]:
+    # Drop empty and repeated names, in the order of the first mention.
     names = (name.strip() for name in (choices["keep"] or "").split(","))
     return tuple(dict.fromkeys(name for name in names if name))

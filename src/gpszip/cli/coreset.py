@@ -117,6 +117,7 @@ def command(
 
     # Refuse what can be refused before the logs are read.
     _check_size_options(size, max_bytes, eps, k)
+    # A coreset is Parquet in any case; points have the format of the output's suffix.
     check_output(target, force=force, binary=not points or target.endswith(".parquet"))
 
     # Read and sketch.
@@ -138,6 +139,7 @@ def command(
     ):
         coreset = sketch_log(
             log,
+            # With --size, k is for the summary only.
             k=k if eps else None,
             eps=eps,
             size=size,
@@ -146,6 +148,7 @@ def command(
         )
         if points:
             point_count = _write_points(coreset, log, target, executor)
+        # The log's temporary file is removed with the block; this stays.
         read_result = log.read_result
 
     # Write.
@@ -167,6 +170,7 @@ def _check_size_options(
     """Require one way to say how large the coreset is."""
     from gpszip.errors import OptionError
 
+    # k alone says nothing about the size, so it doesn't count here.
     given = (size is not None) + (max_bytes is not None) + (eps is not None)
     if given != 1 or (eps is not None and k is None):
         raise OptionError(
@@ -245,5 +249,7 @@ def _format_percent(share: float) -> str:
     """Format a share with three digits, rounded up: as a bound, it must not become smaller."""
     if share <= 0:
         return "0 %"
+    # Round up to the third digit; the small number keeps 0.009 as it is, though 0.009 / 1e-5 is
+    # 900.0000000000001.
     unit = 10.0 ** (math.floor(math.log10(share)) - 2)
     return f"{100 * math.ceil(share / unit - 1e-9) * unit:.3g} %"

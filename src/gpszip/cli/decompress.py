@@ -93,6 +93,7 @@ def command(
     # Read.
     untimed: Sequence[str] = ()
     with open_archive_file(archive, map_name) as source:
+        # Decode within the block, which names the archive where it is damaged.
         if samples:
             tracks, pieces = _read_samples(source, track), None
         else:
@@ -104,6 +105,8 @@ def command(
         raise OptionError(_explain_empty(archive, track))
 
     # Write.
+    # Between knots a track is straight on the plane, and a reader of the file takes it as straight
+    # in degrees: where these differ by more than the error, rows are added.
     points = write_tracks(
         tracks,
         target,
@@ -161,6 +164,8 @@ def _read_tracks(
     pieces = archive.decompress()
     if track is None:
         return pieces
+
+    # A user may name a track, or one of its pieces such as bus/1.
     owners = archive.pieces
     return [piece for piece in pieces if track in (piece.id, owners[piece.id])]
 
@@ -171,6 +176,7 @@ def _format_warnings(
     """Describe what a format can't hold of the tracks."""
     if log_format.describe_losses is None:
         return []
+    # Pieces of a track are written under its name; name each once.
     names = dict.fromkeys(pieces.get(track.id, track.id) for track in tracks)
     return log_format.describe_losses(list(names), list(tracks[0].attributes))
 

@@ -123,6 +123,7 @@ def _write_decompressed(archive: Archive, folder: Path) -> None:
     from gpszip.io.maps.write import write_map
     from gpszip.model.error_bound import writing_error
 
+    # Round by a share of the error bound, which the log that is written still holds.
     error = writing_error(archive.error_bound, geographic=archive.grid.plane is not None)
     write_tracks(
         archive.decompress(),

@@ -39,6 +39,7 @@ _OPTIONS = (
 
 def engine_options(command: F) -> F:
     """Add the options ``--workers``, ``--engine`` and ``--scheduler``."""
+    # Decorators apply from the bottom up: the one that is applied last is listed first.
     for option in reversed(_OPTIONS):
         command = option(command)
     return command

@@ -47,6 +47,7 @@ def _list_routes() -> str:
 
 
 #: What stands for a list in help texts, and how the list is made.
+#: A name that contains another one comes before it: LOG_FORMATS is a part of WRITTEN_LOG_FORMATS.
 _LISTS: dict[str, Callable[[], str]] = {
     "WRITTEN_LOG_FORMATS": _list_written_logs,
     "LOG_FORMATS": _list_logs,

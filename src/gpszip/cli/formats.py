@@ -49,6 +49,7 @@ def command(settings: Settings) -> Outcome:
         does = "read" if log_format.write is None else "read, write"
         needs = f"; needs gpszip[{log_format.extra}]" if log_format.extra else ""
         about = log_format.description + needs
+        # Columns of the table: name, suffixes, what it does, and a description.
         click.echo(f"  {log_format.name:<9}{suffixes:<22}{does:<13}{about}")
     click.echo(f"maps\n  write    {' '.join(map_suffixes())}")
     click.echo(f"networks\n  read     {' '.join(networks)}")

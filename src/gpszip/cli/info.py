@@ -63,6 +63,7 @@ def _facts(data: bytes, archive: Archive, *, detail: bool) -> dict[str, Any]:
     from gpszip.container.verify import verify_bytes
 
     # The file.
+    # The version, the form and the sizes of sections are known of the bytes only.
     verdict = verify_bytes(data)
     facts = archive.info(decode=detail)
     facts["bytes"] = len(data)

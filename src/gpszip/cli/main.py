@@ -91,6 +91,7 @@ class _LazyGroup(click.Group):
         return list(_COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        # None makes click say that there is no such command.
         if cmd_name not in _COMMANDS:
             return None
         command: click.Command = importlib.import_module(f"gpszip.cli.{cmd_name}").command
@@ -98,6 +99,7 @@ class _LazyGroup(click.Group):
 
 
 def _version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
+    # Shell completion parses in the resilient way: it must not print.
     if wanted and not context.resilient_parsing:
         from gpszip import __version__
 
@@ -162,12 +164,15 @@ def main(arguments: list[str]) -> int:
         The exit code.
     """
     settings = Settings.from_arguments(arguments)
+    # Click raises its errors instead of printing them and ending the process. It returns what the
+    # command returned; after --help that is no Outcome, and all is done.
     with collect_outputs() as written:
         try:
             with interrupt_on_signals():
                 outcome = cli.main(
                     arguments, prog_name="gpszip", standalone_mode=False, obj=settings
                 )
+        # Interrupts and SystemExit are no Exceptions, and get an exit code here like all others.
         except BaseException as error:
             if settings.debug:
                 traceback.print_exc()
@@ -178,6 +183,7 @@ def main(arguments: list[str]) -> int:
 def _report_error(error: BaseException, settings: Settings, written: Sequence[str] = ()) -> int:
     """Print an error in one line, and return the exit code."""
     code, text = _explain(error, settings.command)
+    # What was written before an interrupt is complete: files appear whole or not at all.
     if code == _ExitCode.INTERRUPTED:
         text = f"interrupted; {'; '.join(written) or 'nothing was written'}"
     if settings.json and text:
@@ -194,6 +200,8 @@ def _explain(error: BaseException, command: str) -> tuple[int, str]:
     if silent_code is not None:
         return silent_code, ""
     code, text = _explain_in_words(error, command)
+
+    # Messages of libraries may have several lines; split and join make one of them.
     notes = getattr(error, "__notes__", ())
     return code, " ".join("; ".join([text, *notes]).split())
 
@@ -202,6 +210,7 @@ def _find_silent_code(error: BaseException) -> int | None:
     """Return the exit code of an error that needs no message; None for other errors."""
     if isinstance(error, BrokenPipeError):  # the program that reads the output has ended
         return _ExitCode.FAILED
+    # A number is an exit code; a text in its place stands for failure, as in Python.
     if isinstance(error, SystemExit):
         return error.code if isinstance(error.code, int) else _ExitCode.FAILED
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
@@ -250,12 +259,14 @@ def _is_interrupt(error: BaseException | None) -> bool:
 
 
 def _explain_usage(error: click.ClickException) -> str:
+    # An error of parsing knows its command, whose help is the one to read.
     context = getattr(error, "ctx", None)
     command = context.command_path if context else "gpszip"
     return f"{error.format_message().rstrip('.')}; see {command} --help"
 
 
 def _explain_os_error(error: OSError) -> str:
+    # Errors of files name their file. What is left are writes to an open stream.
     if error.filename is None:
         return f"standard output: can't be written: {explain_os_error(error)}"
     hints = (hint for kind, hint in _OS_ERROR_HINTS if isinstance(error, kind))

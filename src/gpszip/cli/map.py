@@ -76,6 +76,7 @@ def command(
 
     # Write it.
     write_map(learned, target, min_traversals, format=kind)
+    # Count what was written: edges with fewer traversals are left out of the file.
     edges = int((learned.forward + learned.backward >= min_traversals).sum())
     if settings.json:
         print_json({"output": target, "edges": edges}, err=target == "-")

@@ -112,6 +112,7 @@ def command(
     from gpszip.cli.output import check_output
     from gpszip.io.maps.routes import route_format
 
+    # Refuse a wrong output before the logs are read; imports that take long follow.
     kind = route_format(target, kind)
     check_output(target, force=force)
     from gpszip.cli.progress import progress_bar
@@ -127,6 +128,7 @@ def command(
             columns=columns,
             time_unit=time_unit,
             dates=dates,
+            # Headings that are ignored need no column.
             heading=heading != math.inf,
             skip_bad=skip_bad,
         )
@@ -197,6 +199,7 @@ def _print_result(
 
 def _format_percentage(count: int, total: int) -> str:
     """Format a share: 100 % is all of the total only, and 0 % nothing of it only."""
+    # Rounding would make 100.0 % of 9,999 in 10,000.
     if count == total:
         return "100 %"
     tenths = 1000 * count // total  # rounded down

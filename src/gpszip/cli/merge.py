@@ -143,6 +143,8 @@ def _read_valid(archives: tuple[str, ...]) -> tuple[dict[str, Archive], dict[str
             readable[name] = _read_decoded(name)
         except (CorruptArchiveError, InputError) as error:
             bad[name] = str(error)
+
+    # All reasons in one error: there is no result beside which they could be listed.
     if bad and len(readable) < 2:
         count = "only one" if readable else "none"
         raise InputError(
@@ -168,6 +170,7 @@ def _short_names(archives: tuple[str, ...]) -> list[str]:
     """Return short names of the archives, or their paths if short names are not distinct."""
     from gpszip.io.storage.display_name import printable_name
 
+    # Names without folder and suffix, which become a part of tracks' names with --same-id prefix.
     short = [printable_name(Path(name).stem or name) for name in archives]
     return short if len(set(short)) == len(short) else [printable_name(name) for name in archives]
 

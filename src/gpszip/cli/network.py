@@ -63,6 +63,7 @@ def command(
     # Read and join.
     check_output(target, force=force, binary=True)
     start = time.perf_counter()
+    # None lets the reader find out; there is no option for degrees.
     prepared = prepare_network(sources, metric=True if metres else None, directed=directed)
 
     # Write.

@@ -54,6 +54,8 @@ class Settings:
     @classmethod
     def from_arguments(cls, arguments: list[str]) -> Settings:
         """Find flags and command without parsing: messages about parsing obey them, too."""
+        # What follows -- are file names, even if they look like flags. Flags ahead of the command
+        # take no value, so that the first other word is the command.
         flags = arguments[: arguments.index("--")] if "--" in arguments else arguments
         command = next((word for word in flags if not word.startswith("-")), "")
         return cls(json="--json" in flags, debug="--debug" in flags, command=command)
@@ -132,6 +134,7 @@ def output_option(example: str) -> Callable[[F], F]:
 
     def decorate(command: F) -> F:
         text = f"File to write, such as {example}; - is standard output."
+        # A callback, rather than required=True, names an example in its message.
         return click.option(
             "-o", "--output", "target", metavar="FILE", help=text, callback=_required(example)
         )(command)

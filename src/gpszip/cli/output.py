@@ -118,6 +118,8 @@ def write_archive(target: str, archive: Archive, *, force: bool) -> None:
     if target != STDOUT:
         archive.save(target, force=force)
         return
+
+    # A pipe takes the archive as it comes; there is no file to be replaced at the end.
     with open_sink(STDOUT) as stream:
         write(archive.contents, stream)
 
@@ -133,6 +135,7 @@ def write_archive_and_map(
     from gpszip.files.atomic_write import atomic_write_all
     from gpszip.files.os_errors import as_output_error
 
+    # A stream can't wait for a file: what is written to it is gone.
     if STDOUT in (target, map_target):
         write_archive(target, archive, force=True)
         write_archive(map_target, updated_map, force=True)
@@ -157,9 +160,12 @@ def print_json(value: Any, *, err: bool = False) -> None:
     It is UTF-8 whatever the locale. Bytes of file names that are not UTF-8 are escaped as lone
     surrogates, as in Python.
     """
+    # Bytes, since a text would be encoded once more by the locale, which may not know all letters.
     line = json.dumps(_to_strict_json(value), ensure_ascii=False).encode(
         "utf-8", "backslashreplace"
     )
+
+    # Results that can't be written are an error; remarks on standard error are not.
     with contextlib.suppress(OSError) if err else contextlib.nullcontext():
         click.echo(line, err=err)
 
@@ -169,6 +175,7 @@ def _to_strict_json(value: Any) -> Any:
         return {str(key): _to_strict_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_to_strict_json(item) for item in value]
+    # json.dumps writes NaN and Infinity, which are no JSON.
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

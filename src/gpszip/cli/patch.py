@@ -91,6 +91,7 @@ def command(
     """
     from gpszip.cli.output import check_output
 
+    # Imports that take long follow the check, so that a mistake is reported at once.
     check_output(target, force=force)
     from gpszip.io.logs.csv_patching import read_for_patching
     from gpszip.pipeline.match import patch, read_network
@@ -111,9 +112,11 @@ def command(
 
     # Fill the gaps, and write; of a CSV log, all rows are written again.
     patching = patch(read_result.tracks, roads.network, gap=gap, ignore_oneway=ignore_oneway)
+    # Only text can hold the rows of the log as they were; other formats get tracks.
     patched_text = text if target.lower().endswith(_TEXT_SUFFIXES) else None
     _write(patching, patched_text, target)
     if patched_text is not None:
+        # Rows that reading dropped are in the output again, so that they are not lost.
         repairs = tuple(map(_as_kept, read_result.repairs))
         read_result = replace(read_result, repairs=repairs, losses=())
 
@@ -136,6 +139,7 @@ def _write(patching: Patching, text: PatchableCsv | None, target: str) -> None:
 
 def _as_kept(repair: Repair) -> Repair:
     """Return the repair of rows that reading drops, but that are written again."""
+    # The text of a repair ends with what was done about it, see Repair.
     if not repair.what.endswith(" dropped"):
         return repair
     what = repair.what.removesuffix("dropped") + "kept, but not used"

@@ -28,6 +28,7 @@ def command(settings: Settings, archive: str, target: str, force: bool) -> Outco
 
     # Recover.
     check_output(target, force=force, binary=True)
+    # The bytes are read before the output is opened: both may be one file, with --force.
     data = read_archive_bytes(archive)
     with explain_corruption(archive, data, recovering=True):
         recovered = recover_bytes(data)

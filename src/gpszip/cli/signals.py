@@ -18,6 +18,7 @@ def interrupt_on_signals() -> Iterator[None]:
     thread only.
     """
     names = ("SIGTERM", "SIGHUP") if threading.current_thread() is threading.main_thread() else ()
+    # Windows has no SIGHUP. A signal that is ignored stays so: nohup ignores SIGHUP on purpose.
     numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
     unhandled = [number for number in numbers if signal.getsignal(number) is signal.SIG_DFL]
     for number in unhandled:

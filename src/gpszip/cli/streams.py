@@ -14,12 +14,16 @@ def open_standard_streams() -> None:
     Otherwise the next files that are opened would get their numbers. To read or write a replaced
     standard input or output is an error; text for a closed standard error is lost.
     """
+    # The system gives a new file the lowest free number. All below are open by now, so that it is
+    # the number of the closed stream.
     for number in range(3):
         try:
             os.fstat(number)
         except OSError:
             # Opened for the wrong direction: every use is an error, as of a closed stream.
             os.open(os.devnull, os.O_WRONLY if number == 0 else os.O_RDONLY)
+
+    # Python makes None of a stream that was closed when it started.
     if sys.stdin is None:
         sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115
     if sys.stdout is None:

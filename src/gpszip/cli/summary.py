@@ -140,6 +140,8 @@ def describe_compression(read_result: ReadResult, report: Report) -> str:
 
 def _describe_remarks(read_result: ReadResult, report: Report) -> list[str]:
     remarks = []
+    # A bound on the error is visible in the errors; one on the size is not, as a ratio may have set
+    # it.
     if report.bound.startswith("size"):
         remarks.append(f"asked for: {report.bound}")
     if not isinf(report.gap):

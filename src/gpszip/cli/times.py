@@ -32,6 +32,7 @@ def parse_times(text: str) -> list[float]:
     >>> parse_times("10, 20.5,1970-01-01T00:01:00Z")
     [10.0, 20.5, 60.0]
     """
+    # Try a list first: all words are times, or it is the name of a file.
     words = [word.strip() for word in text.split(",")]
     times = [_parse_time(word) for word in words]
     valid_times = [time for time in times if time is not None]
@@ -39,6 +40,8 @@ def parse_times(text: str) -> list[float]:
         return valid_times
     if os.path.isfile(text):  # noqa: PTH113  # unlike pathlib's, it never raises
         return _read_times(Path(text))
+
+    # Name the first word that is no time.
     invalid = words[times.index(None)]
     raise OptionError(
         f"--at: {invalid!r} is no time and {text!r} no file",
@@ -52,6 +55,8 @@ def _read_times(path: Path) -> list[float]:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"can't be read as text: {error}", path=path) from None
+    # Further columns are ignored, so that a CSV log can be named. Blank lines don't count, but keep
+    # the numbers of lines in messages right.
     rows = [
         (number, _parse_time(line.split(",")[0].strip()))
         for number, line in enumerate(lines, 1)
@@ -77,6 +82,7 @@ def _read_times(path: Path) -> list[float]:
 
 
 def _parse_time(word: str) -> float | None:
+    # Numbers come first: 20240501 is seconds here, though it is an ISO 8601 date as well.
     try:
         return float(word)
     except ValueError:

@@ -19,6 +19,7 @@ __all__ = [
 ]
 
 #: A number and a unit.
+#: Sign, digits and exponent; then the unit, any word without digits and spaces.
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s]*)\s*")
 
 
@@ -75,6 +76,7 @@ class Quantity(click.ParamType):  # type: ignore[type-arg, unused-ignore]
                 f"{text!r} is no {self.name}; write a number and a unit, such as {self._example()}"
             )
         number, unit = match.groups()
+        # A hint says more than a list of units, so it comes first.
         if unit in self.hints:
             raise ValueError(f"{text!r}: {self.hints[unit]}")
         if unit and unit not in self.units:
@@ -92,6 +94,7 @@ class Quantity(click.ParamType):  # type: ignore[type-arg, unused-ignore]
         return value
 
     def _example(self) -> str:
+        # The first and the last unit make the example, so their order in the tables below counts.
         first, *others = self.units
         return " or ".join([f"5{first}", f"2{others[-1]}", *self.words])
 
@@ -99,6 +102,7 @@ class Quantity(click.ParamType):  # type: ignore[type-arg, unused-ignore]
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
         """Convert an option's text, for click."""
+        # A default is a number already.
         if isinstance(value, float | int):
             return float(value)
         try:
@@ -154,6 +158,7 @@ def format_duration(seconds: float) -> str:
     """
     if seconds == float("inf"):
         return "none"
+    # A unit is used from 2 or 3 of it on, so that no number with one of these is below 2.
     for size, unit in ((86400 * 3, "d"), (3600 * 2, "h"), (120, "min")):
         if seconds >= size:
             return f"{seconds / DURATION.units[unit]:.3g} {unit}"

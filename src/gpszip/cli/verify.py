@@ -23,6 +23,8 @@ def command(settings: Settings, archive: str, map_name: str | None) -> Outcome:
     # Check and decode.
     data = read_archive_bytes(archive)
     with explain_corruption(archive, data):
+        # Opening checks the checksums; to decode all walks also finds bytes that are none in spite
+        # of them.
         source = open_archive_bytes(archive, data, map_name)
         knots = sum(len(walk.nodes) for walk in source.grid_walks.walks)
         tracks = len(source.ids)

@@ -49,6 +49,7 @@ def decode_walks(
     if prior is None and len(data) <= _MAX_PLAIN_BYTES and _COMPILED not in sys.modules:
         try:
             return decode_plain(data, dimension, tracks, grid, _PLAIN_WORK)
+        # Nothing was returned yet: the compiled decoder begins with the same bytes again.
         except TooMuchWorkError:
             pass
 

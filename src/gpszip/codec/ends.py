@@ -129,11 +129,13 @@ def find_piece_ends(
     # The same of the first and last knot.
     try:
         low, high = _knot_ticks(walks, grid, tick)
+    # So far from the epoch, nothing is stored; what a reader refuses, a writer leaves out.
     except CorruptArchiveError:
         return _no_ends()
 
     # Ends that can't be coded, or make no difference, are those of the knots.
     limit = (MAX_QUOTIENT + 1) * _levels(grid, tick)
+    # Speed times the time between knot and sample is how far the walk goes on, in space steps.
     time_steps = np.stack([first - low, high - last], axis=1)
     time_steps = time_steps * (TICKS[tick].seconds / step_size(grid.time))
     speeds = _end_speeds(walks)
@@ -210,6 +212,7 @@ def code_tail(coder: TailCoder, walks: GridWalks, grid: QuantisationGrid) -> Gri
 
     # Offsets of starts and ends from the knots, in turn; tracks without times have none.
     low, high = _knot_ticks(walks, grid, tick)
+    # A decoder has no ends yet: it overwrites offsets of 0.
     ends = walks.ends if walks.ends is not None else PieceEnds(tick, low, high)
     tracks = np.repeat(np.arange(len(walks.walks)), _piece_counts(walks))
     is_coded = ~np.isin(tracks, list(shapes))
@@ -234,6 +237,7 @@ def _no_ends() -> PieceEnds:
 
 def _code_shapes(coder: TailCoder, walks: GridWalks) -> frozenset[int]:
     """Code the numbers of the tracks that have no times."""
+    # One decision for most archives; a flag for each track only where any has no times.
     if not coder.code_rare(len(walks.untimed) > 0):
         return frozenset()
     flags = [
@@ -265,6 +269,7 @@ def _end_speeds(walks: GridWalks) -> NDArray[np.float64]:
     speeds = []
     for walk in walks.walks:
         positions = walks.nodes[walk.nodes].astype(np.float64)
+        # A gap is no travel, so its speed is 0. At least 1 time step, so as not to divide by zero.
         lengths = np.sqrt(((positions[1:] - positions[:-1]) ** 2).sum(axis=1))
         speed = np.where(walk.gaps, 0.0, lengths / np.maximum(np.diff(walk.time_steps), 1))
 
@@ -276,8 +281,12 @@ def _end_speeds(walks: GridWalks) -> NDArray[np.float64]:
 
 def _end_kinds(speeds: NDArray[np.float64], walks: GridWalks) -> NDArray[np.int8]:
     """Which starts and ends have an offset, shape (pieces, 2)."""
+    # A time step at this speed leads farther than a piece may go on, so that an end may matter.
     kinds = np.where(speeds > _MAX_OVERRUN, SOMETIMES, NEVER).astype(np.int8)
     ends = np.cumsum(_piece_counts(walks), dtype=np.int64)
+
+    # The first piece of each track begins it, and the last one ends it. The slice drops the 0 where
+    # there is no track.
     kinds[np.append(0, ends[:-1])[: len(ends)], 0] = ALWAYS
     kinds[ends - 1, 1] = ALWAYS
     return kinds
@@ -343,6 +352,7 @@ def _join_within_pieces(
 
     # Take the first and last time of each piece; its knots' times if it has no time range.
     first, last = np.full(len(knot_ranges), np.inf), np.full(len(knot_ranges), -np.inf)
+    # Unlike assignment by index, this counts all time ranges of a piece.
     np.minimum.at(first, piece, time_ranges[:, 0])
     np.maximum.at(last, piece, time_ranges[:, 1])
     is_empty = first > last
@@ -382,6 +392,7 @@ def _round_to_ticks(
         if is_exact or numerator / denominator <= max_rounding or tick == finest:
             break
 
+    # A time that counts as a multiple stays on its tick: float noise must not round it to the next.
     tolerance = _TICK_TOLERANCE * denominator / numerator
     first = np.floor(since_epoch[:, 0] * denominator / numerator + tolerance)
     last = np.ceil(since_epoch[:, 1] * denominator / numerator - tolerance)

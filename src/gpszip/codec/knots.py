@@ -53,6 +53,7 @@ def concatenate_knots(walks: GridWalks) -> Knots:
         )
     nodes = np.concatenate([walk.nodes for walk in walks.walks]).astype(np.int64)
     time_steps = np.concatenate([walk.time_steps for walk in walks.walks]).astype(np.int64)
+    # Nothing leads to a walk's first knot: a False there gives each knot an entry.
     gaps = np.concatenate([np.append(False, walk.gaps) for walk in walks.walks]).astype(np.int8)
     begins = np.zeros(len(nodes), np.int8)
     begins[np.cumsum([0] + [len(walk.nodes) for walk in walks.walks[:-1]])] = 1
@@ -66,6 +67,7 @@ def split_knots(knots: Knots) -> tuple[GridWalk, ...]:
         GridWalk(
             knots.nodes[first:end].astype(np.int32),
             knots.time_steps[first:end].copy(),
+            # The entry of the first knot is no segment.
             knots.gaps[first + 1 : end] == 1,
         )
         for first, end in pairwise(bounds.tolist())
@@ -80,5 +82,6 @@ def check_times(knots: Knots) -> None:
     CorruptArchiveError
         If a time goes back, or stays.
     """
+    # From one track to the next, time may go back.
     if (np.diff(knots.time_steps)[knots.begins[1:] == 0] <= 0).any():
         raise CorruptArchiveError("times of the walks go back")

@@ -67,6 +67,7 @@ def encode_smallest(
     [0, 9, 18]
     """
     # Without modes, which also measures the bits of each step.
+    # The mode of shortest paths needs these bits: a target pays where it saves more than it costs.
     step_bits = _zero_bits(walks)
     plain, model = encode_in_modes(walks, prior, 0, step_bits, grid)
 
@@ -80,11 +81,15 @@ def encode_smallest(
     candidates = [plain, *encoded.values()]
     if len(paying) > 1:
         candidates.append(encode_in_modes(walks, prior, sum(paying), step_bits, grid)[0])
+
+    # Of results as long, the first is taken: fewer modes, whatever the executor.
     return min(candidates, key=len)
 
 
 def _plausible_modes(walks: GridWalks, model: WalkModel) -> list[int]:
     """Modes that may take fewer bytes, given the model after coding without any."""
+    # How many steps there are of each kind; column 0 has their bits. Durations come first at new
+    # nodes only, and a path over known edges that saves anything has two steps.
     steps = model.statistics[STEP_KIND_BITS:, 1]
     may_pay = {
         int(SORTED_STARTS): walks.timed and 2 < len(walks.walks) <= MAX_SORTED_TRACKS,
@@ -111,6 +116,7 @@ def _encode_mode(
 def _do_shortest_paths_pay(walks: GridWalks, prior: Prior | None) -> bool:
     """Whether shortest paths pay for the first knots of many; True for few."""
     sample = _first_knots(walks, _SAMPLE_KNOTS, 0 if prior is None else prior.nodes)
+    # Trying the sample would encode all walks twice.
     if sample is walks:
         return True
     step_bits = _zero_bits(sample)
@@ -134,4 +140,6 @@ def _first_knots(walks: GridWalks, count: int, known: int) -> GridWalks:
         count -= kept
         if count == 0:
             break
+
+    # The encoder expects no node that is never visited, save those of a prior.
     return number_by_visit(GridWalks(walks.nodes, tuple(shortened), walks.timed), known)

@@ -33,6 +33,7 @@ def number_by_visit(walks: GridWalks, known: int = 0) -> GridWalks:
     visits = np.zeros(0, np.int32)
     if walks.walks:
         visits = np.concatenate([walk.nodes for walk in walks.walks])
+    # unique() sorts by number; the index of each node's first visit sorts by visit.
     visited, first = np.unique(visits[visits >= known], return_index=True)
     order = np.append(np.arange(known), visited[np.argsort(first)])
 

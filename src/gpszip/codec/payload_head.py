@@ -105,6 +105,7 @@ def read_head(data: bytes, tracks: int) -> tuple[PayloadHead, bytes]:
     >>> head.knots, head.timed, rest.hex()
     (1, True, 'efbdc0')
     """
+    # Without tracks, the first number is the flags alone, which would pass for modes.
     modes, data = _read_modes(data) if tracks else (0, data)
     number, size = _read_varint(data)
     payload, knots = data[size:], number >> _FLAG_BITS
@@ -181,6 +182,7 @@ def _encode_varint(value: int) -> bytes:
 
 def _read_varint(data: bytes) -> tuple[int, int]:
     """Undo :func:`_encode_varint`; return the number, and how many bytes it takes."""
+    # Nine bytes hold 63 bits. Without a limit, forged bytes would make an integer of any size.
     value = 0
     for i, byte in enumerate(data[:_VARINT_BYTES]):
         value |= (byte & 127) << (7 * i)

@@ -50,8 +50,10 @@ class Prior:
     def edge_traversals(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Pairs of nodes between which steps lead, shape (s, 2), and the number of steps, (s,)."""
         nodes, _, gaps, begins = self.knots
+        # A step leads from the knot before, unless a gap does, or a track begins.
         is_step = (gaps[1:] == 0) & (begins[1:] == 0)
         base = max(self.nodes, 1)
+        # One number for each pair, so that they can be counted; divmod takes it apart again.
         keys = nodes[:-1][is_step] * base + nodes[1:][is_step]
         keys, counts = np.unique(keys, return_counts=True)
         return np.stack(np.divmod(keys, base), axis=1), counts
@@ -77,6 +79,7 @@ class Prior:
         model = new_model(len(knots.nodes), self.walks.nodes.shape[1])
         model.places[: self.nodes] = self.walks.nodes
         tracks, gapped = len(self.walks.walks), bool(knots.gaps.any())
+        # A listener learns as an encoder does, and writes nothing.
         code_walks(new_listener(), model, *knots, tracks, self.walks.timed, gapped)
 
         # Drop the capacity that is left, so that copies take time by nodes and not by knots.

@@ -34,6 +34,8 @@ class CompiledTailCoder:
 
     def code_uniform(self, value: int, total: int) -> int:
         """Code a number below ``total``, all of which are equally likely."""
+        # A decoder finds the number; then both directions take the same interval, so they can't
+        # differ.
         if self._is_decoding():
             value = int(decode_cumulative(self.coder, total))
         code_interval(self.coder, value, 1, total)
@@ -43,6 +45,7 @@ class CompiledTailCoder:
         """Code whether something happens that has a probability of 1/64."""
         if self._is_decoding():
             happens = int(decode_cumulative(self.coder, RARE_TOTAL)) == RARE_TOTAL - 1
+        # The last of 64 numbers stands for what is rare, all others for what is not.
         if happens:
             code_interval(self.coder, RARE_TOTAL - 1, 1, RARE_TOTAL)
         else:

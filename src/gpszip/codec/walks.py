@@ -129,6 +129,8 @@ def encode_in_modes(
 
     # The head, and zeros up to the bytes that so many knots must have.
     head = PayloadHead(modes, len(knots.nodes), walks.timed, bool(knots.gaps.any()))
+    # Well predicted walks may take less than a byte for 512 knots, which a reader would refuse. Two
+    # minus signs round the quotient up. A decoder reads zeros past the end in any case.
     min_bytes = -(-(len(knots.nodes) - FREE_KNOTS) // KNOTS_PER_BYTE)
     return encode_head(head) + payload + bytes(max(min_bytes - len(payload), 0)), model
 
@@ -143,9 +145,11 @@ def _encode_knots(
     capacity: int,
 ) -> tuple[bytes | None, WalkModel]:
     """Bytes of the range coder, None if there are more than ``capacity``, and the model."""
+    # In the mode of sorted starts these precede the knots; other modes ignore them.
     starts = np.sort(knots.time_steps[knots.begins == 1])
     model = _new_model(len(knots.nodes), walks.nodes.shape[1], prior)
     model = with_modes(model, modes, starts, step_bits)
+    # The coder takes the position of a new node from here, when the walk first visits it.
     model.places[: len(walks.nodes)] = walks.nodes
     coder = new_encoder(capacity)
     code_walks(coder, model, *knots, len(walks.walks), walks.timed, bool(knots.gaps.any()))
@@ -200,6 +204,7 @@ def decode(
         check_times(knots)
 
     # The tail.
+    # The copy lets go of the model, whose capacity is a node for each knot.
     walks = GridWalks(model.places[:nodes].copy(), split_knots(knots), head.timed)
     if grid is None or not head.timed:
         return walks

@@ -232,6 +232,7 @@ def _literals(graph: RoadGraph, waypoints: Waypoints) -> NDArray[np.int32]:
     """Edge of each connection, or STOP or GAP; NO_PATH where a shortest path is to be found."""
     from gpszip.graph.kernels.shortest_paths import NO_PATH
 
+    # A table by Connection: PATH, EDGE, STOP, GAP. The edges of the second kind follow below.
     literals = np.array([NO_PATH, 0, STOP, GAP], dtype=np.int32)[waypoints.connections]
     single = np.flatnonzero(waypoints.connections == Connection.EDGE)
     first, count = find_arcs(graph, waypoints.nodes[single], waypoints.nodes[single + 1])

@@ -81,6 +81,8 @@ def natural_sort_key(name: str) -> tuple[tuple[str | tuple[int, str], ...], str]
 
 def _digits_key(digits: str) -> tuple[int, str]:
     """Key that sorts digits by value; Python's integers are limited to 4300 digits."""
+    # Of numbers without leading zeros, the longer one is larger; of equal length, text compares as
+    # numbers do.
     number = digits.lstrip("0")
     return len(number), number
 
@@ -115,6 +117,7 @@ def share_at_knots(curves: Sequence[Curve], step: float | None) -> float:
     >>> share_at_knots([curve], 1.0), share_at_knots([curve], 60.0), share_at_knots([curve], None)
     (0.03, 1.0, 1.0)
     """
+    # Over the time travelled, the log has a sample for each step.
     duration = sum(float(np.diff(curve.track.times)[~curve.gaps].sum()) for curve in curves)
     knots = sum(len(curve.track) for curve in curves)
     return 1.0 if step is None or knots * step >= duration else knots * step / duration
@@ -170,6 +173,7 @@ def sample_weighted(curves: Sequence[Curve], at_knots: float) -> list[Curve]:
 
     # Weight of a knot, and of a second.
     count, duration = sum(map(len, is_knot)), sum(float(span.sum()) for span in spans)
+    # Weights sum up to the number of points. Where no time passes, knots have all of it.
     knot_weight = (
         count * (at_knots if duration > 0 else 1.0) / sum(int(knots.sum()) for knots in is_knot)
     )
@@ -261,6 +265,7 @@ def _has_gap_within(walk: Walk, times: NDArray[np.float64]) -> bool:
     """
     if walk.times is None:
         return True
+    # The part of each segment that lies between these times; none where it ends before it begins.
     begins, ends = np.maximum(walk.times[:-1], times[0]), np.minimum(walk.times[1:], times[-1])
     return bool((ends - begins > 2 * TIME_SLACK)[walk.gaps].any())
 
@@ -269,5 +274,6 @@ def union_of_knot_times(times: NDArray[np.float64], walk: Walk) -> NDArray[np.fl
     """Times of the knots of a piece, and of a walk's knots between them."""
     if walk.times is None:
         return times
+    # Knots outside of the piece are of no interest: the curve claims no travel there.
     between = walk.times[(walk.times > times[0]) & (walk.times < times[-1])]
     return np.union1d(times, between)

@@ -181,6 +181,9 @@ class _Search:
 
     def allowed(self, grid: QuantisationGrid, shares: NDArray[np.float64]) -> AllowedDeviation:
         """Deviation on a grid that targets these shares of the limit."""
+        # Aim a little below the limit. What isn't limited has a target as well, in proportion to
+        # the limit: prices of squared error follow the one, and the other keeps points from
+        # straying.
         reach = self.limit.metres / step_size(grid.space)
         if self.limit.maximum:
             return AllowedDeviation(
@@ -331,6 +334,7 @@ class _Search:
         self, last: MergedMap, branch: Branch, step: Callable[[Outcome], Outcome]
     ) -> MergedMap | None:
         """Apply a step of a local search to walks; None if it changes nothing."""
+        # A step that finds nothing returns the very outcome that it was given.
         start = Outcome(last.grid_walks, last.size, 0.0)
         outcome = step(start)
         return None if outcome is start else self.repair(last.grid, branch, outcome)
@@ -447,6 +451,7 @@ def _merge_pair(
     """Merge two branches; where refinement fails, they are only concatenated."""
     both = concatenate_branches([first, second])
     time_grid = both.time_grid(grid)
+    # Within the tree, all archives share one price; each keeps its own limit at the root.
     single_group = np.zeros(len(time_grid.times), np.int64)
     outcome = refine(
         time_grid,
@@ -491,6 +496,7 @@ def _rank_grids(
     )
     if not order:
         return []
+    # The time of a search grows with the slots of its grid.
     count = min(max(_MAX_TOTAL_SLOTS // costs[order[0]].slots, 1), _MAX_GRIDS)
     return [grids[number] for number in order[:count]]
 

@@ -157,6 +157,7 @@ def concatenate_branches(branches: Sequence[Branch]) -> Branch:
     walks: list[GridWalk] = []
     first_node = 0
     for branch in branches:
+        # Each branch numbers its nodes from 0: shift them behind those of the branches before.
         walks += [
             replace(walk, nodes=walk.nodes + np.int32(first_node)) for walk in branch.walks.walks
         ]

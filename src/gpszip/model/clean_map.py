@@ -51,6 +51,7 @@ class CleanMap:
     ends: NDArray[np.int32]
     offsets: NDArray[np.int64]
     points: NDArray[np.float64]
+    # Row i of each of these is edge i.
     length: NDArray[np.float64]
     forward: NDArray[np.int64]
     backward: NDArray[np.int64]

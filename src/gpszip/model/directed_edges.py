@@ -45,6 +45,8 @@ class DirectedEdges:
         return len(self.starts)
 
     def __iter__(self) -> Iterator[tuple[int, int, int]]:
+        # Lists hold Python's own integers, which a program can put into JSON or networkx as they
+        # are.
         return zip(self.starts.tolist(), self.ends.tolist(), self.traversals.tolist(), strict=True)
 
 
@@ -74,6 +76,7 @@ def split_directions(
     # Row 2 e is edge e forward, row 2 e + 1 the same edge backward.
     both = np.stack([pairs, pairs[:, ::-1]], axis=1).reshape(-1, 2)
     traversals = np.stack([forward, backward], axis=1).reshape(-1)
+    # A direction that nobody travelled has no row.
     travelled = np.flatnonzero(traversals)
     return DirectedEdges(
         starts=both[travelled, 0],

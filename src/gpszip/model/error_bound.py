@@ -77,6 +77,7 @@ class ErrorBound:
         digits where it is not.
     """
 
+    # Integers, as a file has them: a float could be a bound that no file can state.
     digits: int
     exponent: int
     maximum: bool
@@ -110,11 +111,13 @@ class ErrorBound:
     @property
     def metres(self) -> float:
         """The bound in metres."""
+        # digits * 10 ** exponent is the bound that was stated at first; merges multiply it.
         return self.before * math.pow(2.0, self.growth / _STEPS_PER_DOUBLING)
 
     @property
     def before(self) -> float:
         """The bound before any merge, in metres."""
+        # A fraction is rounded once: 3 * 10.0 ** -1 is 0.30000000000000004, and 3 / 10 is 0.3.
         return float(self.digits * Fraction(10) ** self.exponent)
 
 
@@ -130,6 +133,9 @@ def rounded_bound(metres: float, *, maximum: bool) -> ErrorBound | None:
         return None
     # The decimal number that is written counts, not the float64 next to it.
     exact = Fraction(repr(float(metres)))
+
+    # Take the finest unit in which three digits suffice, so that least is added by rounding up. An
+    # error of 0 is stated as one unit, since no digits stand for no bound.
     for exponent in EXPONENTS:
         digits = math.ceil(exact / Fraction(10) ** exponent)
         if digits < DIGITS.stop:
@@ -147,10 +153,14 @@ def rounded_bounds(rmse: float, maximum: float) -> ErrorBound | None:
     (3.0, 12.0)
     """
     first, second = rounded_bound(rmse, maximum=False), rounded_bound(maximum, maximum=False)
+
+    # State what can be stated where the other is too large for any bound.
     if first is None or second is None:
         return first or rounded_bound(maximum, maximum=True)
     if second.metres <= first.metres:  # the maximum bounds the root mean square, too
         return replace(second, maximum=True)
+
+    # Both have a place in the file only if their exponents are near each other.
     exponents_above = second.exponent - first.exponent
     if exponents_above not in MAXIMUM_EXPONENTS_ABOVE:
         return first
@@ -180,11 +190,14 @@ def extended_bound(before: float, metres: float, *, maximum: bool) -> ErrorBound
     >>> error_bound.before, error_bound.metres
     (5.0, 10.0)
     """
+    # An error within the bound before, or a bound of no size, leaves nothing to extend.
     if not 0 < before < metres < math.inf:
         return rounded_bound(metres, maximum=maximum)
 
     # A bound that outgrows all steps counts as if it had been larger from the start.
     least = max(before, metres * 2.0 ** (-GROWTH_STEPS[-1] / _STEPS_PER_DOUBLING))
+    # The finest unit in which that has at most two digits: least / 10 ** exponent rounds to 99 or
+    # less if it is below 99.5.
     exponent = max(math.ceil(math.log10(least / (GROWN_DIGITS.stop - 0.5))), EXPONENTS.start)
     digits = max(round(least / 10.0**exponent), 1)
 
@@ -215,5 +228,7 @@ def writing_error(error_bound: ErrorBound | None, *, geographic: bool) -> float:
     """
     if error_bound is None:
         return _DEFAULT_WRITING_ERROR
+
+    # The bound before any merge counts, so that a merge doesn't make written files coarser.
     share = WRITING_SHARE if geographic else WRITING_SHARE_IN_METRES
     return min(error_bound.before * share, _MAX_WRITING_ERROR)

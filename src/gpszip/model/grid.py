@@ -48,6 +48,7 @@ def step_size(index: int) -> float:
     >>> step_size(128), step_size(136)
     (1.0, 2.0)
     """
+    # Eight indices make an octave, which a power of two multiplies without rounding.
     return float(_EIGHTHS[index % 8] * 2.0 ** (index // 8 - 16))
 
 
@@ -59,6 +60,7 @@ def step_index(size: float) -> int:
     >>> step_index(1.0), step_index(1.9), step_index(1e-9)
     (128, 135, 0)
     """
+    # Compare with the sizes themselves: a logarithm may be rounded to the next index.
     index = 0
     limit = size * (1 + _RELATIVE_TOLERANCE)
     while index + 1 < STEP_SIZES and step_size(index + 1) <= limit:
@@ -124,4 +126,5 @@ class QuantisationGrid:
 
 def refined_grid(grid: QuantisationGrid, times: int) -> QuantisationGrid:
     """Return the grid with the steps of space and time halved ``times`` times."""
+    # Eight indices less are half the step. The origin stays, so that old points are grid points.
     return replace(grid, space=grid.space - 8 * times, time=grid.time - 8 * times)

@@ -87,8 +87,11 @@ class GridWalks:
 
 def ends_of_walks(walks: GridWalks, first: int, after: int) -> PieceEnds | None:
     """Ends of the pieces of walks ``first`` to ``after - 1``."""
+    # Tick 0 says that pieces last from knot to knot; the arrays are empty then.
     if walks.ends is None or walks.ends.tick == 0:
         return walks.ends
+
+    # A walk with g gaps has g + 1 pieces. Entry i is the first piece of walk i.
     first_pieces = np.cumsum([0] + [1 + int(walk.gaps.sum()) for walk in walks.walks])
     pieces = slice(first_pieces[first], first_pieces[after])
     return PieceEnds(walks.ends.tick, walks.ends.first[pieces], walks.ends.last[pieces])
@@ -96,6 +99,7 @@ def ends_of_walks(walks: GridWalks, first: int, after: int) -> PieceEnds | None:
 
 def concatenated_ends(groups: Sequence[GridWalks]) -> PieceEnds | None:
     """Ends of all pieces of several groups; None unless all groups have ends on the same tick."""
+    # Ticks of different lengths can't stand in one array, and a group without ends has none to add.
     ends = [group.ends for group in groups if group.ends is not None]
     if len(ends) < len(groups) or len({group_ends.tick for group_ends in ends}) > 1:
         return None
@@ -115,5 +119,7 @@ def refined(walks: GridWalks, times: int) -> GridWalks:
     >>> refined(GridWalks(np.array([[5, -1]]), (walk,)), 2).nodes.tolist()
     [[20, -4]]
     """
+    # A point has twice the number on a grid of half the step, a shift by a bit. Ends
+    # of pieces and shapes stay behind: priors don't need them, and appending finds them anew.
     finer = tuple(GridWalk(walk.nodes, walk.time_steps << times, walk.gaps) for walk in walks.walks)
     return GridWalks(walks.nodes << times, finer, walks.timed)

@@ -39,6 +39,7 @@ class Log(Protocol):
     """
 
     @property
+    # What ``read`` takes: a track in memory, or an entry of the table of a log on disk.
     def tracks(self) -> Sequence[Any]: ...  # noqa: D102
     @property
     def dimension(self) -> int: ...  # noqa: D102
@@ -77,6 +78,7 @@ class MemoryLog:
     @property
     def dimension(self) -> int:
         """Number of coordinates d."""
+        # The first track stands for all: they are on one plane.
         return self.tracks[0].dimension
 
     @property
@@ -87,8 +89,11 @@ class MemoryLog:
     def read(self, track: Track, first: int = 0, last: int | None = None) -> Track:
         """Read samples ``first`` to ``last - 1`` of a track; the track itself where that is all."""
         last = len(track) if last is None else last
+        # A new track copies its arrays, so the full one is passed on as it is, with all it holds.
         if first == 0 and last == len(track):
             return track
+
+        # A slice has times and positions only: attributes and weights stay with the full track.
         return Track(
             track.id,
             track.times[first:last],

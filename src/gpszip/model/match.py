@@ -86,6 +86,7 @@ class Route:
     @property
     def lengths(self) -> NDArray[np.float64]:
         """Metres of each leg."""
+        # A leg that goes backward begins farther along the road than it ends.
         return np.abs(self.end - self.begin)
 
     @property
@@ -192,6 +193,7 @@ class Match:
     track: str
     pieces: tuple[Piece, ...]
     breaks: tuple[Break, ...]
+    # From here to ``confidence``, row i is sample i of the track.
     piece: NDArray[np.int32]
     leg: NDArray[np.int32]
     edge: NDArray[np.int32]
@@ -214,6 +216,7 @@ class Match:
     @property
     def share(self) -> float:
         """Share of the samples that lie on a piece."""
+        # A track has a sample at least, so that the mean exists.
         return float((self.piece >= 0).mean())
 
     @property
@@ -221,8 +224,11 @@ class Match:
         """Number of samples on no piece by reason, the most frequent first."""
         counts: Counter[str] = Counter()
         for break_ in self.breaks:
+            # The samples at both sides are on pieces or belong to the next break. At the ends of a
+            # track these are -1 and n, so that the slice starts at 0 or ends with the last sample.
             inside = slice(break_.after + 1, break_.before)
             counts[break_.reason] += int((self.piece[inside] < 0).sum())
+        # A break between two successive samples leaves out none, and is not listed.
         return {reason: count for reason, count in counts.most_common() if count}
 
     def snapped_positions(self, network: Network) -> NDArray[np.float64]:
@@ -236,11 +242,13 @@ class Match:
         road_starts = np.concatenate(([0.0], np.cumsum(network.lengths)))
         along = road_starts[:-1].repeat(np.diff(network.offsets)) + network.along
         vertex = np.searchsorted(along, road_starts[edge] + offset, side="right") - 1
+        # Rounding may put the end of a road on the next one; the last vertex starts no segment.
         vertex = np.clip(vertex, network.offsets[edge], network.offsets[edge + 1] - 2)
 
         # Interpolate to the next vertex.
         begin = network.along[vertex]
         length = network.along[vertex + 1] - begin
+        # A segment of no length has one point for any fraction.
         fraction = np.divide(offset - begin, length, out=np.zeros(len(matched)), where=length > 0)
         fraction = np.clip(fraction, 0.0, 1.0)[:, None]
         step = network.points[vertex + 1] - network.points[vertex]
@@ -298,6 +306,7 @@ class Matching:
     def unmatched(self) -> dict[str, int]:
         """Number of samples on no piece by reason, the most frequent first."""
         return dict(
+            # Counters add up by key; sum() needs an empty one to start with.
             sum((Counter(match.unmatched) for match in self.matches), Counter[str]()).most_common()
         )
 
@@ -305,6 +314,7 @@ class Matching:
     def wrong_way(self) -> tuple[int, ...]:
         """One-way roads of the network that samples travel against, in the order of travel."""
         return tuple(
+            # A dictionary drops repeated roads and keeps the order, which a set would not.
             dict.fromkeys(
                 edge for match in self.matches for break_ in match.breaks for edge in break_.edges
             )

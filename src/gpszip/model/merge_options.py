@@ -38,6 +38,7 @@ class MergeOptions:
     def __post_init__(self) -> None:
         if self.deviation is not None and self.max_deviation is not None:
             raise OptionError("deviation and max_deviation were both given; give one")
+        # Infinity and NaN fail this comparison, too.
         for name, value in (("deviation", self.deviation), ("max_deviation", self.max_deviation)):
             if value is not None and not 0 < value < math.inf:
                 raise OptionError(f"{name} is {value:g}; it must be a positive number of metres")

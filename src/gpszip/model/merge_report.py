@@ -73,6 +73,7 @@ class MergeReport:
     @property
     def deviation(self) -> Deviation:
         """The largest of the deviations of all archives."""
+        # The largest of each kind: they may be of different archives.
         return Deviation(
             max(moved.rms for moved in self.deviations),
             max(moved.maximum for moved in self.deviations),

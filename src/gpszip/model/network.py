@@ -83,6 +83,7 @@ class Network:
     @cached_property
     def lengths(self) -> NDArray[np.float64]:
         """Metres along each road, shape (E,)."""
+        # The last vertex of a road is as far along it as the road is long.
         along = self.along
         lengths: NDArray[np.float64] = along[self.offsets[1:] - 1] - along[self.offsets[:-1]]
         return lengths
@@ -90,10 +91,15 @@ class Network:
     @cached_property
     def along(self) -> NDArray[np.float64]:
         """Metres from the start of its road to each vertex, shape (N,)."""
+        # Distance from the vertex before. At the first vertex of a road that would be the way from
+        # the last road, which nobody drives, so it is 0.
         steps = np.zeros(len(self.points))
+        # A network without roads has no vertices to measure.
         if len(steps):
             steps[1:] = np.sqrt((np.diff(self.points, axis=0) ** 2).sum(axis=1))
             steps[self.offsets[:-1]] = 0.0
+
+        # Sum up over all roads at once, and take off what was summed up before each road.
         total = np.cumsum(steps)
         along: NDArray[np.float64] = total - np.repeat(
             total[self.offsets[:-1]], np.diff(self.offsets)
@@ -108,11 +114,13 @@ class Network:
 
     def two_way(self) -> Network:
         """The same roads, those open in one direction open in both, as for pedestrians."""
+        # A road that is closed in both directions stays closed.
         is_open = self.forward | self.backward
         return replace(self, forward=is_open, backward=is_open)
 
     def label(self, index: int) -> str:
         """The name of a road for people: its street name, else its id, else its number."""
+        # OpenStreetMap has many roads without a name, such as link roads and paths.
         name = self.names[index] if self.names is not None else ""
         return name or (self.ids[index] if self.ids is not None else str(index))
 

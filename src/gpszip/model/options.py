@@ -82,6 +82,7 @@ class Options:
         >>> Options(rmse=5.0).tightened(0.9).rmse
         4.5
         """
+        # A bound that is not given stays open.
         rmse, max_error = (
             None if bound is None else share * bound for bound in (self.rmse, self.max_error)
         )
@@ -111,13 +112,16 @@ class Options:
         return self.k is not None or self.m is not None
 
     def __post_init__(self) -> None:
+        # Refuse mistakes here, before a log is read, for all callers alike.
         _check_bounds(self)
         _check_thesis(self)
+        # ``not gap > 0`` refuses NaN as well, which ``gap <= 0`` would accept.
         if self.gap is not None and not self.gap > 0:
             raise OptionError(
                 f"gap is {self.gap:g}; "
                 "it must be a positive number of seconds, or infinite for no gaps"
             )
+        # Kept columns are stored with the exact times of the samples.
         if not self.times and (self.keep or self.keep_times):
             raise OptionError("columns can't be kept without times; leave out either")
         if self.layer not in {None, "bz2"}:
@@ -136,6 +140,7 @@ def _check_bounds(options: Options) -> None:
         "size": options.size,
         "ratio": options.ratio,
     }
+    # The order of the dictionary is that of the names in the message.
     given = [name for name, value in bounds.items() if value is not None]
     if len(given) > 1 and given != ["rmse", "max_error"]:
         raise OptionError(f"{given[0]} and {given[-1]} were both given; give one")
@@ -161,5 +166,6 @@ def _check_thesis(options: Options) -> None:
         raise OptionError(f"m is {m}; a map has at least 1 segment")
     if k is not None and m is not None and m > k:
         raise OptionError(f"m is {m}; there can't be more segments than parts, and k is {k}")
+    # Without k, the smallest k that holds a bound is searched, so there must be one.
     if m is not None and k is None and not options.bounded:
         raise OptionError("m was given alone; give k, or a bound from which k is found")

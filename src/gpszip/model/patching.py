@@ -102,6 +102,7 @@ class Patching:
         patched = []
         for number, track in enumerate(self.tracks):
             # Samples of the log, and those added.
+            # A gap that was left open adds nothing.
             patches = [
                 patch for patch in self.patches if patch.track == number and len(patch.times)
             ]
@@ -110,6 +111,7 @@ class Patching:
             confidence = np.concatenate(
                 [np.ones(len(track)), *(patch.confidence for patch in patches)]
             )
+            # Added samples follow those of the log in these arrays.
             is_added = np.arange(len(times)) >= len(track)
 
             # In order of time.

@@ -45,6 +45,8 @@ def map_coordinates(positions: Floats, plane: Plane | None) -> Floats:
         return positions
     # Only the first two coordinates lie on the plane.
     coordinates = positions.copy()
+
+    # NaN lies on no plane: rounded to an index, it would select a meaningless one.
     known = ~np.isnan(positions[:, 0])
     coordinates[known, :2] = np.stack(to_geographic(positions[known, :2], plane), axis=1)
     return coordinates
@@ -78,6 +80,7 @@ def to_geographic(positions: ArrayLike, plane: Plane) -> tuple[Floats, Floats]:
     for i in np.unique(index).tolist():
         on_plane = index == i
         x = positions[on_plane, 0] - i * Plane.SPREAD
+        # The projection leads from degrees to metres, in the order x, y; here it runs backward.
         lon[on_plane], lat[on_plane] = projection(plane.centers[i]).transform(
             x, positions[on_plane, 1], direction="INVERSE"
         )
@@ -105,6 +108,8 @@ def plane_indices(positions: ArrayLike, plane: Plane) -> NDArray[np.int64]:
     >>> plane_indices([[5.0, 0.0], [Plane.SPREAD - 7.0, 0.0]], two).tolist()
     [0, 1]
     """
+    # A plane carries positions far less than half a spread from its centre, at x = i * spread. So
+    # the nearest centre in x is that of the position's plane.
     x = np.asarray(positions, dtype=np.float64)[:, 0]
     return np.clip(np.rint(x / Plane.SPREAD), 0, len(plane.centers) - 1).astype(np.int64)
 
@@ -112,9 +117,12 @@ def plane_indices(positions: ArrayLike, plane: Plane) -> NDArray[np.int64]:
 @lru_cache(maxsize=256)
 def projection(center: tuple[int, int]) -> Transformer:
     """Transverse Mercator projection of WGS84 about a centre, scale 1, from degrees to metres."""
+    # A log in x and y needs no projection, and doesn't wait for this import.
     from pyproj import Transformer
 
     lat, lon = center[0] / UNITS_PER_DEGREE, center[1] / UNITS_PER_DEGREE
+
+    # Seven decimals are exactly the units in which a centre is kept. PROJ expects radians.
     return Transformer.from_pipeline(
         "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
         f"+step +proj=tmerc +lat_0={lat:.7f} +lon_0={lon:.7f} +ellps=WGS84"

@@ -139,6 +139,7 @@ class ReadResult(Sequence[Track]):
         tracks, points = count_text(len(self.tracks), "track"), count_text(self.points, "point")
         return f"ReadResult({tracks}, {points}, {self.lost:,} lost)"
 
+    # With this and the next method, Sequence can iterate, search and count.
     def __len__(self) -> int:
         return len(self.tracks)
 
@@ -163,4 +164,5 @@ class ReadResult(Sequence[Track]):
     @property
     def lost(self) -> int:
         """Number of points that were dropped."""
+        # Other repairs change points, such as their order, and lose none.
         return sum(repair.count for repair in self.repairs if repair.drops)

@@ -62,6 +62,7 @@ class Report:
     nodes: int
     edges: int
     bytes_out: int
+    # Measured on the bytes of the archive, not on what was learned: rounding to the grid counts.
     rmse: float
     max_error: float
     seconds: float

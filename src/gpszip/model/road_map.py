@@ -39,6 +39,7 @@ class RoadMap:
     """
 
     nodes: NDArray[np.float64]
+    # Row i of these three is edge i.
     edges: NDArray[np.int32]
     forward: NDArray[np.int64]
     backward: NDArray[np.int64]

@@ -48,6 +48,7 @@ class SegmentMean:
     @property
     def k(self) -> int:
         """Number of parts."""
+        # Boundaries are one more: they hold the end of the last part, too.
         return len(self.labels)
 
     @property

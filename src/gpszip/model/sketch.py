@@ -41,12 +41,14 @@ class Sketch:
         Number of samples.
     """
 
+    # Moments of order 0 (the weight), 1 (the means) and 2 (spread, drift and scatter).
     weight: float
     time: float
     place: NDArray[np.float64]
     spread: float
     drift: NDArray[np.float64]
     scatter: NDArray[np.float64]
+    # Moments don't tell when the block begins and ends, which a line through it needs.
     first: float
     last: float
     count: int

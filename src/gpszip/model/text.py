@@ -26,6 +26,7 @@ def axes_text(dimension: int, plane: Plane | None) -> str:
     >>> axes_text(2, None), axes_text(3, None), axes_text(2, Plane(((0, 0),)))
     ('x, y', 'x, y, z', 'lat, lon')
     """
+    # A log in degrees is shown as it came, though its positions are in metres on the plane.
     if plane is not None:
         return "lat, lon"
     return ", ".join("xyz"[:dimension]) if dimension <= 3 else f"{dimension} coordinates"

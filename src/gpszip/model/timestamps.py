@@ -55,10 +55,12 @@ def to_seconds(times: Times, *, name: str = "times") -> NDArray[np.float64]:
     0.25
     """
     # Arrays of numbers and of datetime64 are converted at once.
+    # NumPy refuses nested lists of unequal lengths.
     try:
         array = np.asarray(times)
     except ValueError as error:
         raise OptionError(f"{name} is no array of times: {error}") from None
+    # Signed, unsigned and floating point numbers. Booleans go on, and are refused one by one.
     if array.dtype.kind in "iuf":
         return array.astype(np.float64)
     if array.dtype.kind == "M":
@@ -99,6 +101,8 @@ def format_span(first: float, last: float) -> str:
     except (OverflowError, ValueError, OSError):
         # Dates end with the year 9999.
         return f"{first:.0f} s to {last:.0f} s"
+
+    # Don't repeat the day where both are on the same.
     day = "%H:%M:%S" if begin.date() == end.date() else "%Y-%m-%d %H:%M:%S"
     return f"{begin:%Y-%m-%d %H:%M:%S} to {end:{day}} UTC"
 
@@ -138,6 +142,7 @@ def wrong_unit(times: NDArray[np.float64], first: float, last: float) -> str | N
 
     # Milliseconds and finer since 1970.
     if low >= _MILLISECONDS > last:
+        # The finest unit first: nanoseconds are beyond the limits of the others as well.
         for limit, unit, factor in (
             (_NANOSECONDS, "nanoseconds", "1e9"),
             (_MICROSECONDS, "microseconds", "1e6"),
@@ -162,6 +167,7 @@ def _datetime64_seconds(array: NDArray[np.datetime64]) -> NDArray[np.float64]:
     full = array.astype("datetime64[s]")
     rest = np.subtract(array, full.astype(array.dtype)) / np.timedelta64(1, "s")
     seconds: NDArray[np.float64] = full.astype(np.int64) + rest
+    # NaT is the most negative integer in these sums.
     return np.asarray(np.where(np.isnat(array), np.nan, seconds), dtype=np.float64)
 
 
@@ -180,6 +186,7 @@ def _one_in_seconds(value: object, name: str) -> float:
     # Dates, in UTC where they name no zone. A datetime is a date, too, so it comes first.
     if isinstance(value, datetime):
         return (value if value.tzinfo else value.replace(tzinfo=UTC)).timestamp()
+    # A date alone is its first second.
     if isinstance(value, date):
         return datetime(value.year, value.month, value.day, tzinfo=UTC).timestamp()
     if isinstance(value, np.datetime64):

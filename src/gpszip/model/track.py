@@ -67,6 +67,7 @@ class Track:
     timed: bool = True
 
     def __post_init__(self) -> None:
+        # The fields of a frozen dataclass can be set in this way only.
         object.__setattr__(self, "times", _read_only(self.times))
         object.__setattr__(self, "positions", _read_only(self.positions))
         if self.weights is not None:
@@ -106,6 +107,7 @@ class Track:
             raise OptionError("has no times, so no time range", location=f"track {self.id!r}")
 
         # Name the likely mistake where nothing is found.
+        # The first sample at or after each end: one at ``begin`` counts, one at ``end`` doesn't.
         first, last = np.searchsorted(self.times, [begin, end]).tolist()
         if first >= last:
             bounds = np.array([begin, end])
@@ -150,6 +152,7 @@ def time_bounds(span: slice) -> tuple[float, float]:
         raise TypeError(f"a track is sliced by time, track[begin:end], not by {span!r}")
     if span.step is not None:
         raise OptionError("a time range has no step; give [begin:end]")
+    # An end that is left out is open: all samples are after -inf and before inf.
     begin, end = (
         default if bound is None else _single_time(bound)
         for bound, default in ((span.start, -math.inf), (span.stop, math.inf))
@@ -158,6 +161,8 @@ def time_bounds(span: slice) -> tuple[float, float]:
 
 
 def _single_time(bound: Times) -> float:
+    # A list is no end of a range. NaT is NaN here, which NumPy sorts after all times: as an end, it
+    # would select all samples.
     seconds = to_seconds(bound, name="the time range")
     if seconds.size != 1 or np.isnan(seconds).any():
         raise OptionError(f"the time range ends at {bound!r}, which is not one time")
@@ -165,6 +170,8 @@ def _single_time(bound: Times) -> float:
 
 
 def _read_only(values: ArrayLike) -> NDArray[np.float64]:
+    # A copy in any case: the caller's array stays writable, and changes to it don't reach the
+    # track. Row by row in memory (C order), as kernels expect it.
     array: NDArray[np.float64] = np.array(values, dtype=np.float64, order="C")
     array.flags.writeable = False
     return array
@@ -197,6 +204,8 @@ def _check(track: Track) -> None:
             location=name,
             remedy="drop or repair such samples first",
         )
+
+    # ``argmax`` of booleans is the first True, here the first sample that is not later.
     late = np.diff(times) <= 0
     if late.any():
         sample = int(late.argmax()) + 1
@@ -205,6 +214,8 @@ def _check(track: Track) -> None:
             location=f"{name}: sample {sample}",
             remedy="sort or split the track",
         )
+
+    # ``not (weights > 0).all()`` refuses NaN, too.
     if track.weights is not None and (
         track.weights.shape != times.shape or not (track.weights > 0).all()
     ):

@@ -50,6 +50,7 @@ class Walk:
             facts.append(count_text(int(self.gaps.sum()), "gap"))
         if self.times is None:
             facts.append("no times")
+        # An empty walk has no span.
         elif len(self.times):
             facts.append(format_span(float(self.times[0]), float(self.times[-1])))
         return f"Walk({', '.join(facts)})"

@@ -29,6 +29,7 @@ def resolve_executor(given: Any) -> Executor:
     """
     if given is None:
         return Threads()
+    # A client of Dask, found by its methods: Dask may not be installed.
     if hasattr(given, "scatter") and hasattr(given, "submit"):
         return Dask(given)
 

@@ -52,6 +52,8 @@ class Dask:
 
     def map(self, function: Callable[[T], R], items: Iterable[T], /) -> Iterator[R]:
         """Yield ``function(item)`` for each item, in order; raise an item's error in its turn."""
+        # By default Dask takes equal calls for one task and computes its result once; pure=False
+        # makes each item a task of its own, and saves hashing large arguments.
         return self._map_in_order(
             lambda item: self.client.submit(function, item, pure=False), items
         )
@@ -94,10 +96,12 @@ class Dask:
     def _combine_last_two(self, combine: Callable[[R, R], R], subtrees: list[_Subtree]) -> None:
         left, right = subtrees[-2:]
         future = self.client.submit(combine, left.future, right.future, pure=False)
+        # Two of equal size become one of twice the size, like a carry in a binary number.
         subtrees[-2:] = [_Subtree(left.size + right.size, future)]
 
     def _max_pending(self) -> int:
         """Return the number of items that may be in flight: enough to keep all threads busy."""
+        # Asked anew each time, since a cluster may grow or shrink.
         threads: int = sum(self.client.nthreads().values())
         return max(PENDING_PER_WORKER * threads, _MIN_PENDING)
 
@@ -146,6 +150,8 @@ class _ScatteredValue(Generic[V]):
             self._future = self._scatter()
 
     def _scatter(self) -> Any:
+        # Every worker gets a copy at once. hash=False spares hashing a large value; it has a new
+        # name whenever it is sent.
         return self._executor.client.scatter([self._value], broadcast=True, hash=False)[0]
 
     @property
@@ -181,6 +187,7 @@ class _RetryingFuture:
         """Return the result; try a second time with a value that is sent again."""
         try:
             return self._future.result()
+        # Dask cancels what depends on a value that is lost with its workers.
         except CancelledError:
             self._shared.send_again(self._value_future)
             return self._shared.submit(self._function, self._item).result()

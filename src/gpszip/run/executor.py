@@ -91,6 +91,7 @@ class LocalValue(Generic[V]):
 
     def map(self, function: Callable[[V, T], R], items: Iterable[T], /) -> Iterator[R]:
         """Yield ``function(value, item)`` for each item, in the order of the items."""
+        # All workers see this memory: the value is one more argument.
         return self.executor.map(partial(function, self.value), items)
 
     def __enter__(self) -> Self:
@@ -143,6 +144,7 @@ def share_value(executor: Executor | None, value: V) -> SharedValue[V]:
     """
     if executor is None:
         executor = Serial()
+    # Executors of users may have no more than ``map``.
     return executor.share(value) if hasattr(executor, "share") else LocalValue(executor, value)
 
 
@@ -192,6 +194,8 @@ def reduce_tree(
     level = executor.map(leaf, items)
     while True:
         first = next(level)
+        # The second value tells whether there is a pair; with a single one, the root is reached.
+        # Values are drawn only as they are needed, so that a long stream is never held at once.
         second = next(level, None)
         if second is None:
             return first
@@ -200,6 +204,7 @@ def reduce_tree(
 
 def _pairs(values: Iterator[T]) -> Iterator[tuple[T, ...]]:
     """Yield neighbouring values as pairs; with an odd number of values, the last one alone."""
+    # An empty tuple is false: the values are used up.
     while pair := tuple(islice(values, 2)):
         yield pair
 

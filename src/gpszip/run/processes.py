@@ -89,7 +89,10 @@ class Processes:
         if at_once:
             for process in self._context.started:
                 process.terminate()
+
+        # No process outlives the block: wait until all have ended.
         self._pool.shutdown(wait=True, cancel_futures=True)
+        # A pool that was shut down takes no more items; the next call starts another one.
         self._pool = None
         self._context.started.clear()
 
@@ -168,6 +171,7 @@ class _TrackedContext(SpawnContext):
         self.started: list[SpawnProcess] = []
 
     def Process(self, *arguments: Any, **options: Any) -> SpawnProcess:  # type: ignore[override]  # noqa: N802
+        # Spawned, not forked: a fork while threads run may copy a lock that nobody releases.
         process = SpawnProcess(*arguments, **options)
         self.started.append(process)
         return process

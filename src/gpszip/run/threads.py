@@ -55,6 +55,7 @@ class Threads:
 
     def map(self, function: Callable[[T], R], items: Iterable[T], /) -> Iterator[R]:
         """Yield ``function(item)`` for each item, in order; raise an item's error in its turn."""
+        # A pool for each call: nothing has to be closed by the caller.
         pool = ThreadPoolExecutor(self.workers)
         busy = _BusyThreads()
         try:
@@ -104,6 +105,7 @@ class _BusyThreads:
         """Raise KeyboardInterrupt in each busy thread as soon as it leaves compiled code."""
         with self._lock:
             for thread in self._threads:
+                # Python has no other way to interrupt a thread from outside.
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(
                     ctypes.c_ulong(thread), ctypes.py_object(KeyboardInterrupt)
                 )

@@ -38,6 +38,7 @@ def bottom_up(
         for k free lines.
     """
     n = len(sums.t)
+    # Two blocks or more for each interval where min_samples allows it: merging needs a choice.
     block = max(min_samples, min(_BLOCK_SAMPLES, n // (2 * k)))
     firsts = np.arange(n // block, dtype=np.int64) * block
     boundaries = kernel.bottom_up(sums, firsts, k)

@@ -71,6 +71,7 @@ def segment_mean_within(
                     f"track {track.id!r}: no number of intervals up to {high} keeps the bound; "
                     "allow more segments or a larger error"
                 )
+            # With m fixed, to double k could pass over all that fit.
             growth = max(1, high // 8) if isinstance(m, int) else high
             low, high = high, high + growth
 

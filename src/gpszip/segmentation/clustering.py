@@ -39,6 +39,7 @@ def ward(sums: PrefixSums, boundaries: NDArray[np.int64], m: int) -> NDArray[np.
     # The k - m cheapest merges; groups are the connected components.
     merges, costs = _build_dendrogram(best_lines(sums, boundaries))
     k = len(boundaries) - 1
+    # Every merge leaves one group less, so k - m of them leave m.
     cheapest = merges[np.argsort(costs, kind="stable")[: k - m]]
     links = coo_array((np.ones(len(cheapest)), (cheapest[:, 0], cheapest[:, 1])), shape=(k, k))
     return _renumber_labels(connected_components(links, directed=False)[1])
@@ -127,6 +128,7 @@ def _draw_seeds(lines: FittedLines, m: int, rng: np.random.Generator) -> list[in
     for _ in range(m - 1):
         last = seeds[-1:]
         costs = np.minimum(costs, excess_costs(lines, starts[last], slopes[last])[:, 0])
+        # A seed must not be drawn twice: rounding may leave it some cost.
         costs[seeds] = 0.0
 
         # If all lines are alike, each interval that is no seed has the same odds.

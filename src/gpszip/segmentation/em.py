@@ -182,6 +182,7 @@ def _initial_labels(
 ) -> NDArray[np.int32]:
     """Return the initial labels: by k-means if there are random numbers, else by Ward's method."""
     k = len(boundaries) - 1
+    # There is one way to label only: each interval by itself, or all alike.
     if m == k:
         return np.arange(k, dtype=np.int32)
     if m == 1:
@@ -218,6 +219,7 @@ def _iterate(sums: PrefixSums, state: EMState, step: _Iteration, iterations: int
     for _ in range(iterations):
         candidate = step(state)
         cost = total_cost(sums, candidate)
+        # Written so that NaN ends the loop, too.
         if not cost < costs[-1] * (1 - _ROUNDING):
             break
         state = candidate

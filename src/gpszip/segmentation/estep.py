@@ -78,6 +78,7 @@ def _shift_every_second(
 
 def _batches(first: int, k: int, executor: Executor | None) -> Iterator[tuple[int, int]]:
     """Return ranges of boundaries that start with one to be shifted; one range if serial."""
+    # An even step, so that each range starts with a boundary of the same parity.
     step = 2 * _BATCH if executor else k + k % 2 + 2
     return ((low, min(low + step, k)) for low in range(first, k, step))
 

@@ -24,6 +24,7 @@ def positions_at(mean: SegmentMean, track: Track) -> NDArray[np.float64]:
     # Time within the interval, from 0 to 1.
     lengths = np.diff(mean.boundaries)
     first, last = track.times[mean.boundaries[:-1]], track.times[mean.boundaries[1:] - 1]
+    # An interval of one sample lies at the start of its segment.
     duration = np.where(last > first, last - first, 1.0)
     u = (track.times - np.repeat(first, lengths)) / np.repeat(duration, lengths)
 

@@ -99,4 +99,5 @@ def excess_costs(
         a = lines.starts[:, axis, None] - starts[None, :, axis]
         v = lines.slopes[:, axis, None] - slopes[None, :, axis]
         costs += normal[:, :1] * a * a + 2 * normal[:, 1:2] * a * v + normal[:, 2:] * v * v
+    # Rounding may leave a little less than nothing.
     return np.maximum(costs, 0.0)

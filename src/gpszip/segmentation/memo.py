@@ -35,6 +35,7 @@ def memo_key(track: Track, options: Mapping[str, object]) -> str:
     """
     text = json.dumps(dict(options), sort_keys=True, default=str)
     digest = hashlib.blake2b(text.encode(), digest_size=_KEY_BYTES)
+    # The shape as well: the same bytes may be 4 points of 3 axes or 6 of 2.
     for array in (track.times, track.positions, track.weights):
         digest.update(b"-" if array is None else str(array.shape).encode() + array.tobytes())
     return digest.hexdigest()
@@ -82,6 +83,7 @@ class Memo:
 
 def _write(path: Path, mean: SegmentMean) -> None:
     """Write a temporary file and rename it, so that no reader ever sees half a file."""
+    # In the same folder, since a rename works within one file system only.
     handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
     try:
         with os.fdopen(handle, "wb") as file:

@@ -172,6 +172,8 @@ def _bisect_penalty(
 
 def _next_penalty(low: float, high: float) -> float:
     """Return a penalty between two bounds; beyond one of them while the other is unknown."""
+    # Penalties may differ by orders of magnitude: a factor of 4 while a bound is unknown, then the
+    # geometric mean.
     if high == np.inf:
         return 4.0 * low
     return float(np.sqrt(low * high)) if low > 0 else high / 4.0

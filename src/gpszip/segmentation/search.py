@@ -217,6 +217,7 @@ def _depth_below_chord(
     low: int, cost_low: float, high: int, cost_high: float, x: int, cost: float
 ) -> float:
     """Return the distance of (x, cost) below the chord, with both axes scaled to [0, 1]."""
+    # A chord without width or height has no point below it.
     if high == low or cost_low == cost_high:
         return 0.0
     right, up = (x - low) / (high - low), (cost - cost_high) / (cost_low - cost_high)

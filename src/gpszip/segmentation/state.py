@@ -62,6 +62,7 @@ def interval_costs(sums: PrefixSums, state: EMState) -> NDArray[np.float64]:
     """
     rows = segment_moments(sums, state.boundaries)
     d = sums.p.shape[1]
+    # Moments count positions from the interval's first sample, so the segment's start does, too.
     a = state.starts[state.labels] - sums.p[state.boundaries[:-1]]
     v = (state.ends - state.starts)[state.labels]
 

@@ -66,6 +66,7 @@ def _absorb_track(max_blocks: int, track: Track) -> NDArray[np.float64]:
 
 def _reduce_to(max_blocks: int, blocks: Coreset) -> Coreset:
     """Merge the cheapest neighbours while there are too many blocks."""
+    # Blocks of different tracks are never merged, so there are at least as many as tracks.
     size = max(max_blocks, len(blocks.tracks))
     if len(blocks) <= size:
         return blocks

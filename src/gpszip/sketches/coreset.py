@@ -91,6 +91,7 @@ class Coreset:
     plane: Plane | None = None
 
     def __post_init__(self) -> None:
+        # Kernels need rows without holes in memory. Nobody may change values that coresets share.
         for name, dtype in (("owners", np.int64), ("rows", np.float64)):
             values = np.ascontiguousarray(getattr(self, name), dtype=dtype)
             values.flags.writeable = False
@@ -132,6 +133,7 @@ class Coreset:
     @property
     def error(self) -> float:
         """Sum of the free costs in square metres: the cost of the best lines of all blocks."""
+        # fsum rounds once, at the end: bounds must not depend on the order of blocks.
         return math.fsum(self.free_costs)
 
     @property
@@ -163,6 +165,7 @@ class Coreset:
 
         :meth:`eps` says nothing about functions that break in such a block.
         """
+        # Two samples are always even. JITTER is infinite where weights differ.
         durations = self.rows[:, kernel.LAST] - self.rows[:, kernel.FIRST]
         steps = np.maximum(self.rows[:, kernel.COUNT] - 1, 1)
         return (self.rows[:, kernel.COUNT] > 2) & (
@@ -363,6 +366,7 @@ def _eps(costliest: float, least: float) -> float:
 
     The solution of the quadratic equation ``eps^2 - 4 share eps - 4 share = 0``.
     """
+    # Blocks that cost nothing leave no error, even where the least cost is 0, too.
     if costliest == 0:
         return 0.0
     share = costliest / least if least > 0 else math.inf

@@ -157,6 +157,7 @@ def max_blocks_in(max_bytes: float, tracks: int, dimension: int) -> int:
 
 def _block_bytes(dimension: int) -> int:
     """Return the largest size of a block in a saved coreset: its row and its track."""
+    # The fixed columns, three groups of d, and one number for the track.
     return _NUMBER_BYTES * (kernel.FIXED_COLUMNS + 3 * dimension + 1)
 
 
@@ -223,6 +224,7 @@ def max_block_cost(source: Track | Coreset, k: int, eps: float) -> float:
     float
         Square metres.
     """
+    # A single line breaks nowhere, so blocks may be of any cost; k - 1 would divide by zero.
     if k == 1:
         return math.inf
     if isinstance(source, Coreset):
@@ -284,6 +286,8 @@ def next_block_cost(
     reached = eps_of_blocks(rows, k)
     if reached <= eps:
         return cost
+
+    # Blocks of two samples cost nothing, and end the search in any case.
     if cost <= 0 or tries >= _MAX_TRIES:
         return None
 

@@ -99,12 +99,14 @@ class PiecewiseLinear:
     @property
     def breaks(self) -> NDArray[np.float64]:
         """Times from which on the next piece counts, shape (k - 1,)."""
+        # The middle, from the earlier time on: a sum of two epochs would lose a bit.
         return self.end_times[:-1] + (self.start_times[1:] - self.end_times[:-1]) / 2
 
     @property
     def velocities(self) -> NDArray[np.float64]:
         """Metres per second, shape (k, d)."""
         duration = (self.end_times - self.start_times)[:, None]
+        # Over an infinite duration, a piece that stays at its start has velocity 0.
         return np.asarray((self.ends - self.starts) / np.where(duration > 0, duration, np.inf))
 
 

@@ -56,6 +56,7 @@ def _select_track_samples(coreset: Coreset, track: Track) -> Track:
     # The blocks must have the track's samples: compare the times of their first and last ones.
     blocks = coreset.track(track.id)
     cuts = np.concatenate([[0], np.cumsum(blocks.counts)])
+    # With another number of samples there are no times to compare, which never match.
     edge_times = np.empty(0)
     if cuts[-1] == len(track):
         edge_times = track.times[np.concatenate([cuts[:-1], cuts[1:] - 1])]

@@ -278,6 +278,7 @@ def _lines_about_mean(
     block: Sketch, starts: NDArray[np.float64], ends: NDArray[np.float64], t0: float, t1: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return offsets of lines from the mean position at the mean time, and velocities; (m, d)."""
+    # About the means, moments of order 1 are 0, and drop out of the cost.
     velocities = (ends - starts) / (t1 - t0) if t1 != t0 else np.zeros_like(starts)
     return starts + (block.time - t0) * velocities - block.place, velocities
 
@@ -300,6 +301,7 @@ def best_line(block: Sketch) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
     if block.count == 0:
         raise OptionError("an empty block has no best line; insert a sample first")
+    # The best line passes through the mean position at the mean time.
     velocity = _best_velocity(block)
     start = block.place + (block.first - block.time) * velocity
     end = block.place + (block.last - block.time) * velocity

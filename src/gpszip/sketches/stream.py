@@ -99,6 +99,7 @@ class CoresetStream:
         # The first chunk fixes the dimension.
         if self._rows is None:
             width = kernel.FIXED_COLUMNS + 3 * chunk.positions.shape[1]
+            # Once these are full, half of them are left after merging.
             self._rows = np.empty((2 * OVERSAMPLING * self.size, width))
         self._last = float(chunk.times[-1])
         self.samples += len(chunk.times)
@@ -117,6 +118,7 @@ class CoresetStream:
                 OVERSAMPLING * self.size,
                 *(values[:end] for values in chunk),
             )
+        # Copies, since slices would keep the full chunk in memory.
         self._pending = _Chunk(*(values[end:].copy() for values in chunk))
 
     def coreset(self) -> Coreset:

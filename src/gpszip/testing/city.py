@@ -59,6 +59,7 @@ def city(
     >>> times[:3].tolist(), degrees.shape
     ([0.0, 30.0, 60.0], (60, 2))
     """
+    # Degrees of longitude get shorter towards the poles. A town is small enough for one scale.
     scale = np.array([_METRES_PER_DEGREE, _METRES_PER_DEGREE * np.cos(np.radians(center[0]))])
     metres = drives(
         blocks,
@@ -124,6 +125,7 @@ def _plan_drive(blocks: int, length: float, rng: np.random.Generator) -> NDArray
     while driven < length:
         destination = rng.integers(0, blocks + 1, 2)
         driven += float(np.abs(destination - position).sum())
+        # First along x, then along y, as there are no diagonal streets.
         corners += [np.array([destination[0], position[1]]), destination]
         position = destination
     return np.array(corners, dtype=np.float64)

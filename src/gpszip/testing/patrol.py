@@ -139,6 +139,7 @@ def _plan_tour(
 
     It turns back in dead ends only, and prefers some corridors.
     """
+    # The fourth power makes most corridors rare and few frequent; none is impossible.
     preference = rng.random((len(crossings), len(crossings))) ** 4 + 0.02
     route, before, walked = [0], -1, 0.0
     while walked < length + 2 * _CELL[0]:

@@ -189,6 +189,7 @@ def _drive(runs: list[tuple[str, int, list[int]]], count: int, axes: int) -> NDA
             elif kind == "stand":
                 positions += [last] * length
             elif kind == "back":
+                # The last positions backward, from the one before the last.
                 positions += positions[-2 : -length - 2 : -1]
             else:
                 positions.append(last + step * 1000.0)

@@ -191,11 +191,13 @@ def _main_plane(road_map: RoadMap) -> RoadMap:
         return road_map
 
     # Planes are side by side, ``Plane.SPREAD`` metres apart.
+    # They would be dots in one picture: that is 33,554 km.
     planes = np.round(road_map.nodes[:, 0] / Plane.SPREAD).astype(np.int64)
     is_main = planes == np.bincount(planes - planes.min()).argmax() + planes.min()
 
     # Keep the edges between its nodes.
     kept = is_main[road_map.edges].all(axis=1)
+    # Nodes that stay are numbered from 0 in their old order.
     number = np.cumsum(is_main) - 1
     return RoadMap(
         road_map.nodes[is_main],
@@ -373,6 +375,7 @@ def _find_busiest_square(
         return extent.mean(axis=0), reach
     counts = np.bincount(
         road_map.edges.ravel(),
+        # Both ends of an edge get its traversals, as ravel() lists them in turn.
         weights=np.repeat(_traversals(road_map), 2),
         minlength=len(road_map.nodes),
     )

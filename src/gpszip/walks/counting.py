@@ -72,6 +72,7 @@ def build_road_map_from_counts(
     # One edge for both directions of a pair.
     positions = np.asarray(nodes, dtype=np.float64)
     low, high = pairs.min(axis=1).astype(np.int64), pairs.max(axis=1).astype(np.int64)
+    # One number for each pair, so that unique() sorts by u, then by v.
     keys, edge = np.unique(low * len(positions) + high, return_inverse=True)
     edges = np.stack(np.divmod(keys, max(len(positions), 1)), axis=1).astype(np.int32)
 
@@ -100,6 +101,7 @@ def find_travelled_segments(walk: Walk | GridWalk) -> NDArray[np.bool_]:
         return moved
 
     # Only the first and the last segment of a piece can lie outside of its time range.
+    # The piece in which each segment lies: one more after each gap.
     piece = np.append(0, np.cumsum(walk.gaps))[:-1]
     begins, ends = walk.time_ranges[piece].T if len(piece) else (np.zeros(0), np.zeros(0))
     return np.asarray(moved & (walk.times[1:] > begins) & (walk.times[:-1] < ends))

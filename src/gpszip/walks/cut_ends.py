@@ -81,6 +81,7 @@ def _find_ends_to_trim(
     times = np.concatenate([walk.time_ranges[has_segments, 0], walk.time_ranges[has_segments, 1]])
 
     # Where the segment is at the start or the end of the piece.
+    # 0 at the inner knot and 1 at the outer one, so that starts and ends are computed alike.
     fraction = ((times - walk.times[inner]) / (walk.times[knots] - walk.times[inner]))[:, None]
     outer_positions, inner_positions = nodes[walk.nodes[knots]], nodes[walk.nodes[inner]]
     positions = inner_positions + fraction * (outer_positions - inner_positions)

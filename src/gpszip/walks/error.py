@@ -93,6 +93,7 @@ def positions_at(
 
 def _is_covered(time_ranges: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether each time lies in the time range of a piece, within the slack."""
+    # A walk of one piece needs no search.
     if len(time_ranges) == 1:
         begin, end = time_ranges[0]
     else:

@@ -274,12 +274,15 @@ def _double_single_knots(
 
     # There is no gap between the two copies.
     gap_after = np.repeat(np.append(gaps, True), copies)
+    # The index of a knot's first copy is the number of copies before it.
     gap_after[(np.cumsum(copies) - copies)[is_doubled]] = False
     return np.repeat(nodes, copies), np.repeat(exact, copies), gap_after[:-1]
 
 
 def _make_increasing(time_steps: NDArray[np.int64]) -> NDArray[np.int64]:
     """Increase time steps as little as possible until each is above the one before."""
+    # With i taken off entry i, what must increase need only not fall. The maximum so far is the
+    # least sequence above that does not.
     ramp = np.arange(len(time_steps))
     raised: NDArray[np.int64] = np.maximum.accumulate(time_steps - ramp) + ramp
     return raised

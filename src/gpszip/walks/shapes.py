@@ -146,6 +146,7 @@ def drop_time_steps(walks: GridWalks, untimed: frozenset[int], *, others: bool) 
 
 def _drop_stops(walk: GridWalk, start: int, *, others: bool) -> GridWalk:
     """Drop stops, which mean nothing without times, and set time steps that are cheap to encode."""
+    # A gap stays, even one between two knots at one node: it ends a piece.
     keep = np.append(True, walk.gaps | (walk.nodes[1:] != walk.nodes[:-1]))
     nodes, gaps = walk.nodes[keep], walk.gaps[keep[1:]]
     time_steps = start + np.arange(len(nodes)) if others else np.zeros(len(nodes), np.int64)
@@ -158,6 +159,7 @@ def _distance_fractions(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
     if along[-1] > 0:
         fractions: NDArray[np.float64] = along / along[-1]
         return fractions
+    # A single vertex is at 0.
     return np.linspace(0.0, 1.0, len(along)) * (len(along) > 1)
 
 

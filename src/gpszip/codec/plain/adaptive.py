@@ -49,6 +49,8 @@ def read_unsigned(decoder: RangeDecoder, counts: list[list[int]], context: int) 
         exponent += 1
 
     # The e digits below the leading one; the first three have contexts.
+    # As the value is 1 and then the digits so far, it is also the node of a binary tree of
+    # contexts.
     value = 1
     tree = context + EXPONENT_CONTEXTS + TREE_NODES * exponent
     for _ in range(exponent):

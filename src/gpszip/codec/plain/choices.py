@@ -126,6 +126,8 @@ def _is_limited(model: PlainModel) -> bool:
 
 def _class_weights(model: PlainModel, table: int) -> NDArray[np.int64]:
     """Weight of a candidate of each class; 0 for the class that is barred."""
+    # How often each was chosen, of how often it could be, in units of 2**-16. The 1 keeps every
+    # class possible, and the 0 at the end is for the class that is barred.
     return np.append((model.chosen[table] << 16) // model.offered[table] + 1, 0)
 
 
@@ -134,6 +136,7 @@ def _read_candidate(model: PlainModel, weights: NDArray[np.int64], total: int) -
 
     The last candidate owns the lowest interval.
     """
+    # The ends of all intervals; the one that holds the number ends first beyond it.
     ends = np.cumsum(weights[::-1])
     i = int(np.searchsorted(ends, model.decoder.find(total), side="right"))
     choice = len(weights) - 1 - i
@@ -146,9 +149,13 @@ def _learn_candidate(
     model: PlainModel, table: int, classes: NDArray[np.int64], choice: int | None, cheap: bool
 ) -> None:
     """Learn which candidate was chosen, and whether that took few bits."""
+    # Barred nodes were no candidates, so that their class is cut off.
     model.offered[table] += np.bincount(classes, minlength=_CLASSES + 1)[:_CLASSES]
     if choice is not None:
         model.chosen[table, classes[choice]] += _CHOSEN_INCREMENT
+
+    # Only forged bytes make many cheap choices among many nodes. To count them bounds the time that
+    # each byte takes, see _is_limited.
     if len(model.map) > _FEW_CANDIDATES:
         model.cheap_choices = max(model.cheap_choices + (1 if cheap else -1), 0)
 
@@ -184,6 +191,9 @@ def _octaves(differences: NDArray[np.float64], reach: int) -> NDArray[np.int64]:
         step = np.minimum(np.abs(axis), _MAX_DIFFERENCE)
         squares += step * step
 
+    # The first bound is the step to expect over 4 sqrt(2), which is 181 / 1024 of it. Squares of
+    # the bounds double, so that two of them make an octave of length. 256 turns sixteenths into
+    # steps.
     first = float((min(reach, _MAX_REACH) * 181 >> 10) ** 2) / 256
     bounds = first * 2.0 ** np.arange(OCTAVES - 1)
     return np.searchsorted(bounds, squares, side="right").astype(np.int64)
@@ -193,6 +203,7 @@ def _bearings(differences: NDArray[np.float64], step: NDArray[np.float64]) -> ND
     """Class of the turn from a step towards each node; 7 where either is null."""
     # Scalar products, and squared lengths.
     dots, squares, step_square = np.zeros(len(differences)), np.zeros(len(differences)), 0.0
+    # Axis by axis, in the order of the compiled decoder: floats added up otherwise may differ.
     for a, axis in zip(step.tolist(), differences.T, strict=True):
         dots += a * axis
         squares += axis * axis
@@ -207,6 +218,7 @@ def _bearings(differences: NDArray[np.float64], step: NDArray[np.float64]) -> ND
 
 def _classify_targets(walk_map: WalkMap, nodes: list[int]) -> NDArray[np.int64]:
     """Class of each of the nearest nodes but the first, by rank and how often walks ended there."""
+    # Each start, end or path that ended at a node added 24 to its weight.
     weights = walk_map.end_weights[nodes[1:]].tolist()
     return np.array(
         [

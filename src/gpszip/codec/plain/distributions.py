@@ -90,12 +90,15 @@ class Offsets:
 
     def __init__(self, pairs: Sequence[tuple[int, int]], low: int) -> None:
         # Scale, and what to subtract before the division, so that z counts from -16.
+        # With c and s, z = ((16 v - 8 - c) << 16) / s + (16 << 16), which counts from -16. All but
+        # v is in the shift: z = (((16 v - 8) << 16) - shift) / s.
         entries = []
         for center, scale in pairs:
             bounded = min(max(scale, _MIN_SCALE), _MAX_SCALE)
             entries.append((bounded, (center << 16) - (bounded * _REACH << 16), 0))
 
         # What is cut off: nothing of distributions that don't reach down to the lowest value.
+        # Without cuts at first, by which they are computed.
         self._entries: list[tuple[int, int, int]] = entries
         if min(entries, key=itemgetter(1))[1] <= (16 * low - 8) << 16:
             self._entries = [
@@ -111,6 +114,8 @@ class Offsets:
         middle, table, out = (16 * value - 8) << 16, _LOGISTIC, []
         for scale, shift, cut in self._entries:
             # Interpolate between two entries of the table.
+            # z has 16 digits after the point. Entries are 1/64 apart: 6 of the digits are in the
+            # index, 10 say where z lies between two entries.
             z = (middle - shift) // scale
             if z < 0:
                 mass = 0
@@ -153,6 +158,7 @@ class Durations:
     ) -> None:
         self._low, self._histogram, self._total = low, histogram, sum(histogram)
         self._entries = [(center, steepness, 0) for center, steepness in guesses]
+        # What lies below the lowest value, of the entries without a cut; then the same with it.
         cuts = self._by_ratio_below(low)
         self._entries = [
             (center, steepness, min(cut, _MAX_CUT))
@@ -171,6 +177,7 @@ class Durations:
         # Exponential.
         table, scaled = _EXPONENTIAL, offset << 16
         for octave in _OCTAVES:
+            # 16 (v - l) / s in units of 2**-16, as scales are 16 times a power of two.
             z = scaled >> octave
             if z >= _EXPONENTIAL_END:
                 out.append(CERTAIN)
@@ -181,6 +188,7 @@ class Durations:
 
     def _by_ratio_below(self, value: int) -> list[int]:
         """Cumulative probability of each distribution by ratio below a value."""
+        # log2(v - 1/2): of 16 v - 8, less the logarithm of 16.
         log = fixed_log2(max(16 * value - 8, 1)) - _LOG_SUBSTEPS
         table, out = _LOGISTIC, []
         for center, steepness, cut in self._entries:

@@ -60,6 +60,7 @@ _MAX_SPEED_DURATION = 1 << 25
 
 def read_pause_duration(model: PlainModel, mixture_id: int, row: int) -> int:
     """Read the duration of a stop or gap, and learn it."""
+    # Without a sample, there is no guess.
     mean, samples = model.means.get(row, (0, 0))
     duration = _read_duration(model, mixture_id, [mean] if samples else [], _PAUSE_STEEPNESS)
     _update_mean(model, row, _MAX_PAUSE_SAMPLES, _log_duration(duration))
@@ -139,6 +140,7 @@ def _guess(model: PlainModel, length: int, edge: HalfEdge | None) -> list[int]:
     # a mean over the length, the half-edge and its opposite
     weight, total = _sum_near_classes(model, length)
     if weight:
+        # All classes together weigh 3, however many samples they have.
         weight, total = _CLASS_WEIGHT, _CLASS_WEIGHT * (total // weight)
     if edge is not None:
         for half, share in ((edge, _EDGE_WEIGHT), (edge.opposite, _OPPOSITE_WEIGHT)):
@@ -169,6 +171,7 @@ def _sum_near_classes(model: PlainModel, length: int) -> tuple[int, int]:
 
 def _length_class(length: int) -> int:
     """Class of a length: two for each octave."""
+    # Half an octave is 2**15 units of the logarithm, and 4 << 16 is that of 16.
     if length < _FIRST_CLASS:
         return 0
     return min(1 + ((fixed_log2(length) - (4 << 16)) >> 15), _LENGTH_CLASSES - 1)
@@ -182,5 +185,7 @@ def _log_duration(duration: int) -> int:
 def _update_mean(model: PlainModel, row: int, max_samples: int, log: int) -> None:
     """Learn one more logarithm of a duration."""
     mean, samples = model.means.get(row, (0, 0))
+    # The mean of up to so many samples; after that, old ones fade, since the divisor stays. The
+    # division rounds down also below zero, as the format has it.
     samples = min(samples + 1, max_samples)
     model.means[row] = mean + (log - mean) // samples, samples

@@ -19,6 +19,8 @@ def fixed_log2(value: int) -> int:
     >>> fixed_log2(1), fixed_log2(8), fixed_log2(3)
     (0, 196608, 103872)
     """
+    # The value is 2**exponent times a mantissa from 1 to 2, in units of 2**-30: a leading one, ten
+    # digits that index the table, and twenty between two entries.
     exponent = value.bit_length() - 1
     mantissa = (value << 30) >> exponent
     i, rest = (mantissa >> 20) - 1024, mantissa & 0xFFFFF

@@ -84,6 +84,7 @@ def read_mixture(
     value, below, above = _find_value(number, weights, low, high, distributions, total, work)
 
     # Its interval.
+    # The weights of distributions that this number doesn't have are left out.
     masses = [
         weight * (after - before)
         for weight, before, after in zip(weights, below, above, strict=False)
@@ -119,6 +120,8 @@ def _find_value(
         Cumulative probabilities of the distributions below the value, and up to it.
     """
     # Keep C(first) <= number < C(last).
+    # Any search ends at the same value, since C increases. To interpolate saves evaluations, which
+    # take long here; the compiled decoder bisects.
     first, last, count_first, count_last = low, high, 0, total
     below, above = None, [CERTAIN] * len(distributions)
     middle, step = min(max(low + _FIRST_STEP, 0), (low + high) >> 1), _FIRST_STEP
@@ -161,6 +164,8 @@ def _learn_weights(mixture: Mixture, masses: Sequence[int], sum_weights: int, wi
     # Weights that are raised to their minimum would otherwise make the sum grow for ever.
     target_sum, divisor = min(sum_weights, _WEIGHT_SUM), max(width >> 8, 1)
     weights = mixture.weights
+
+    # The lowest 8 bits are dropped, as the format has it: products then fit in 64 bits.
     for i, mass in enumerate(masses):
         weight = weights[i]
         posterior = (mass >> 8) * target_sum // divisor

@@ -104,6 +104,7 @@ class PlainModel:
         # Choices.
         self.path: list[int] = []  # nodes on the way to the target, the next one last
         self.cheap_choices = 0  # how many more choices were cheap than not
+        # A class is 8 times its octave plus its kind: octaves and kinds in one row.
         tables = len(initial_chosen())
         self.chosen: NDArray[np.int64] = initial_chosen().reshape(tables, -1)
         self.offered: NDArray[np.int64] = initial_offered().reshape(tables, -1)
@@ -126,6 +127,7 @@ class PlainModel:
 
     def read_signed(self, contexts: int) -> int:
         """Read an integer of any size with one of the sets of contexts."""
+        # Contexts of single bits come first in the table, then one set after the other.
         first = BIT_CONTEXTS + contexts * INTEGER_CONTEXTS
         return read_signed(self.decoder, self._bit_counts, first)
 
@@ -137,6 +139,7 @@ class PlainModel:
     def mixture(self, mixture_id: int) -> Mixture:
         """One of the mixtures."""
         if mixture_id not in self._mixtures:
+            # Made when it is first used; the last column of the table is a count, not a weight.
             weights = self._mixture_weights[mixture_id][:DISTRIBUTIONS]
             self._mixtures[mixture_id] = Mixture(weights, HISTOGRAM_BINS)
         return self._mixtures[mixture_id]
@@ -156,6 +159,7 @@ class PlainModel:
         edge = self.map.take_edge(u, v, incoming)
         if self.dimension > 1:
             self._learn_heading(u, v)
+        # The first step is its own mean; later ones weigh an eighth.
         self.step_length += (
             (edge.length - self.step_length) // 8 if self.step_length else edge.length
         )
@@ -168,5 +172,6 @@ class PlainModel:
         half = DIRECTIONS // 2
         self.turn = None
         if self.heading is not None:
+            # From -128 to 127: a turn to the right is negative.
             self.turn = (heading - self.heading + half) % DIRECTIONS - half
         self.heading = heading

@@ -58,6 +58,7 @@ def read_position(model: PlainModel, u: int, duration: int) -> list[int]:
     offsets, reach = [], model.reach
     if model.dimension > 1:
         along, across, reach = _read_on_heading(model, reach, duration)
+        # Without a heading, these are the axes of the grid.
         offsets = list(rotate_back(along, across, model.heading or 0))
 
     # Further axes.
@@ -93,6 +94,7 @@ def _read_on_heading(model: PlainModel, reach: int, duration: int) -> tuple[int,
 
 def _along(reach: int) -> list[_Pair]:
     """Distributions of an offset along the heading."""
+    # The order is that of the initial weights, in which distributions are known by their places.
     return [
         *((reach, reach >> shift) for shift in range(1, 5)),
         (reach >> 1, reach >> 2),

@@ -52,6 +52,8 @@ class RangeDecoder:
 
         The symbol whose interval holds it is the next one; :meth:`take` then takes it out.
         """
+        # The range is rarely a multiple of the total. What is left at its upper end, which no
+        # encoder uses, counts as the last number.
         return min(self._code // (self._range // total), total - 1)
 
     def take(self, start: int, width: int, total: int) -> None:
@@ -61,6 +63,7 @@ class RangeDecoder:
         self._code = (self._code - share * start) & _ALL_ONES
         self._range = share * width
         while self._range < _MIN_RANGE:
+            # An encoder leaves out zeros at the end, so that bytes past it are zeros.
             i = self._next_byte
             byte = self._data[i] if i < len(self._data) else 0
             self._code = (self._code << 8 | byte) & _ALL_ONES

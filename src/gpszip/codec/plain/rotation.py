@@ -33,6 +33,7 @@ def nearest_direction(x: int, y: int) -> int:
     >>> nearest_direction(0, 5), nearest_direction(-5, 0), nearest_direction(0, 0)
     (64, 128, 0)
     """
+    # The largest scalar product; of equal ones argmax takes the first, as the format has it.
     return int(np.argmax(x * COS + y * SIN)) if x or y else 0
 
 
@@ -47,6 +48,8 @@ def rotate_back(along: int, across: int, direction: int) -> tuple[int, int]:
     # The small angle that remains beside right angles.
     quarters = (direction + QUARTER // 2) // QUARTER
     small = direction - quarters * QUARTER + QUARTER // 2
+    # Shears by tan(a/2), sin(a) and tan(a/2). Each can be undone exactly in spite of the rounding,
+    # so that rotating there and back loses nothing.
     t, s = -_TAN_HALF[small], -_SIN_SMALL[small]
     x, y = along, across
     x += (t * y + HALF) >> SHIFT

@@ -44,6 +44,7 @@ def read_step_kind(model: PlainModel, u: int, incoming: HalfEdge | None, last_ki
     edges = model.map.degree(u)
     degree, level = min(edges, _MAX_DEGREE), min(model.map.departures[u].bit_length(), _MAX_LEVEL)
     is_fresh = 1 if last_kind >= KIND_NEW_NODE else 0
+    # A context is a number with mixed bases: 6 degrees, 5 levels, 2 kinds of freshness.
     if degree > 0 and not model.read_bit(_ESCAPE + (degree * 5 + level) * 2 + is_fresh):
         return _read_known_kind(model, degree, incoming, last_kind)
 

@@ -104,6 +104,7 @@ class _Starts:
         # As many of those left are passed over, in a circle.
         model.work.spend(len(self._left) // 16)
         skipped = model.read_unsigned(TRACK_ORDER) % self._tracks
+        # Those before the place where the last search ended come last in the circle.
         after = sum(number < self._next for number in self._left)
         number = self._left.pop((after + skipped) % len(self._left))
         self._next = number + 1
@@ -138,6 +139,7 @@ def read_knots(model: PlainModel, knots: int, tracks: int, gapped: bool) -> Knot
     TooMuchWorkError
         If that takes more work than the model may do.
     """
+    # A payload that is certainly too much is refused before its arrays are made.
     model.work.check(_KNOT_WORK * knots)
     nodes, time_steps = np.zeros(knots, np.int64), np.zeros(knots, np.int64)
     gaps, begins = np.zeros(knots, np.int8), np.zeros(knots, np.int8)
@@ -194,6 +196,7 @@ def _read_start(model: PlainModel, time_step: int, last_end: int | None) -> _Wal
 
 def _read_known_start(model: PlainModel) -> int:
     """Read a known node, likelier where tracks began or ended."""
+    # A node owns as many numbers as it weighs, after those of the nodes before it.
     ends: NDArray[np.int64] = np.cumsum(model.map.end_weights)
     model.work.spend(len(ends) // 16)
     total = int(ends[-1])
@@ -205,6 +208,7 @@ def _read_known_start(model: PlainModel) -> int:
 
 def _read_gap_bit(model: PlainModel, state: _WalkState) -> bool:
     """Read whether a gap follows, by the gaps that began or ended here and a stop just before."""
+    # Level 0 is no gap, 1 is one or two, 2 is more.
     level = min((int(model.map.gap_ends[state.node]) + 1) // 2, 2)
     return bool(model.read_bit(int(BIT_GAP) + 2 * level + (state.last_kind == KIND_STAY)))
 
@@ -255,6 +259,7 @@ def _read_edge(model: PlainModel, state: _WalkState) -> tuple[int, HalfEdge | No
     # On the path to a target, the step is implied.
     u, incoming = state.node, state.incoming
     if model.path:
+        # The path was found on the map, so that the edge exists.
         edge = model.map.half_edge(u, model.path.pop())
         assert edge is not None
         is_back = incoming is not None and edge is incoming.opposite

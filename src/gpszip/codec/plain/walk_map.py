@@ -106,11 +106,13 @@ class WalkMap:
         self.positions.append(list(position))
         self.departures.append(0)
         self._half_edges.append({})
+        # A node weighs 1 from the start, so that any node can be chosen.
         self._places[node], self._end_weights[node] = position, 1
         return node
 
     def half_edges(self, u: int) -> list[HalfEdge]:
         """Half-edges of a node, the newest first."""
+        # Dictionaries keep the order of insertion; the format has the newest first.
         return list(reversed(self._half_edges[u].values()))
 
     def degree(self, u: int) -> int:
@@ -135,6 +137,7 @@ class WalkMap:
             edge.opposite, back.opposite = back, edge
             self._half_edges[u][v], self._half_edges[v][u] = edge, back
 
+        # Count the step, and that it followed on the last one.
         edge.traversals += 1
         self.departures[u] += 1
         if incoming is not None:
@@ -148,6 +151,8 @@ class WalkMap:
         for a, b in zip(self.positions[u], self.positions[v], strict=True):
             step = min(abs(a - b), _MAX_DIFFERENCE)
             square += step * step
+        # The sum is an exact integer. It is rounded once, to the double whose root the format
+        # takes.
         return int(_SUBSTEPS * math.sqrt(float(square)))
 
     def bearing(self, before: int | None, u: int, v: int) -> int:

@@ -42,6 +42,8 @@ class WorkLimit:
         TooMuchWorkError
             If more is spent than there was; from then on, all work is refused.
         """
+        # The count stays below zero, so that a process that has reached the limit never tries
+        # again.
         self._left -= units
         if self._left < 0:
             raise TooMuchWorkError
