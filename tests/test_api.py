@@ -227,3 +227,23 @@ def test_every_value_shows_in_one_or_two_lines(archive):
         assert len(text) <= 200, text
         assert "array(" not in text
         assert text.startswith(type(value).__name__)
+
+
+@pytest.mark.parametrize("name", ["match", "patch"])
+def test_headings_of_files_are_read_for_matching_and_patching(tmp_path, monkeypatch, name):
+    path = tmp_path / "walk.csv"
+    path.write_text("t,x,y,heading\n0,0,0,90\n1,1,0,90\n2,2,0,90\n")
+    seen = []
+    monkeypatch.setattr(
+        f"gpszip.pipeline.match.{name}", lambda tracks, *_, **__: seen.append(tracks)
+    )
+    network = gpszip.Network(
+        np.array([[0.0, 0.0], [2.0, 0.0]]),
+        *(np.array([node], np.int32) for node in (0, 1)),
+        np.array([0, 2]),
+        np.array([[0.0, 0.0], [2.0, 0.0]]),
+        *(np.array([True]),) * 2,
+        np.array([8.0]),
+    )
+    getattr(gpszip, name)(path, network)
+    assert list(seen[0][0].attributes) == ["heading"]

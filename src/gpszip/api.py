@@ -594,7 +594,9 @@ def patch(
     """
     from gpszip.pipeline.match import patch as patch_tracks
 
-    return patch_tracks(_read_if_paths(tracks), network, gap=gap, ignore_oneway=ignore_oneway)
+    return patch_tracks(
+        _read_if_paths(tracks, heading=True), network, gap=gap, ignore_oneway=ignore_oneway
+    )
 
 
 def segment_mean(

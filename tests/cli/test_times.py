@@ -43,3 +43,9 @@ def test_files_without_times(tmp_path, data):
 def test_neither_times_nor_a_file():
     with pytest.raises(OptionError, match="'noon' is no time"):
         parse_times("5,noon")
+
+
+@pytest.mark.parametrize("text", ["nan", "5,inf", "-Infinity"])
+def test_numbers_that_are_not_finite_are_no_times(text):
+    with pytest.raises(OptionError, match="is no time"):
+        parse_times(text)

@@ -88,3 +88,9 @@ def test_errors_say_which_sample():
     assert str(caught.value) == (
         "track 'bus': sample 2: time 1 is not later than 2; sort or split the track"
     )
+
+
+@pytest.mark.parametrize("weight", [0.0, -1.0, np.nan, np.inf])
+def test_weights_are_positive_and_finite(weight):
+    with pytest.raises(TrackError, match="2 positive finite numbers"):
+        Track("walk", [0, 1], [[0.0], [1.0]], weights=[1.0, weight])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from datetime import UTC, datetime
 from pathlib import Path
@@ -82,11 +83,14 @@ def _read_times(path: Path) -> list[float]:
 
 
 def _parse_time(word: str) -> float | None:
-    # Numbers come first: 20240501 is seconds here, though it is an ISO 8601 date as well.
+    # Numbers come first: 20240501 is seconds here, though it is an ISO 8601 date as well. "nan" and
+    # "inf" are numbers to Python, but no times.
     try:
-        return float(word)
+        seconds = float(word)
     except ValueError:
         pass
+    else:
+        return seconds if math.isfinite(seconds) else None
     try:
         time = datetime.fromisoformat(word)
     except ValueError:

@@ -215,8 +215,9 @@ def _check(track: Track) -> None:
             remedy="sort or split the track",
         )
 
-    # ``not (weights > 0).all()`` refuses NaN, too.
-    if track.weights is not None and (
-        track.weights.shape != times.shape or not (track.weights > 0).all()
+    # NaN is not finite either. An infinite weight would make every mean NaN.
+    weights = track.weights
+    if weights is not None and (
+        weights.shape != times.shape or not (np.isfinite(weights) & (weights > 0)).all()
     ):
-        raise TrackError(f"weights must be {len(times)} positive numbers", location=name)
+        raise TrackError(f"weights must be {len(times)} positive finite numbers", location=name)
