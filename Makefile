@@ -16,7 +16,7 @@ PYTHON ?= $(shell for p in $(CANDIDATES); do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help test lint types imports warm pytest fuzz faults bench docs wheel format demo clean
+.PHONY: help test lint types imports warm pytest fuzz faults bench docs wheel man format demo clean
 
 help:
 	@echo "make test     check everything: ruff, mypy, import-linter, pytest; the 20 slowest tests are listed"
@@ -25,6 +25,7 @@ help:
 	@echo "make bench    run the benchmarks (an hour)"
 	@echo "make docs     draw the packages and their imports in docs/architecture.svg"
 	@echo "make wheel    build in dist/ the source archive, and a wheel with compiled kernels for this platform and Python"
+	@echo "make man      write the man pages in build/man"
 	@echo "make demo     compress a generated robot patrol and draw the map that it learned, in demo/"
 	@echo "make format   lay out the code and mend what ruff can mend"
 	@echo "make clean    remove the environment, the demo and all caches"
@@ -67,10 +68,14 @@ docs: $(VENV)/.dev
 wheel: $(VENV)/.dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check build
 	$(BIN)/python scripts/compile_kernels.py build/compiled
+	$(BIN)/python scripts/write_man_pages.py build/man
 	$(BIN)/python -m build --sdist --outdir dist
 	$(BIN)/python -m build --wheel --outdir dist
 	rm -rf build
 	$(BIN)/python scripts/check_wheel.py dist
+
+man: $(VENV)/.dev
+	$(BIN)/python scripts/write_man_pages.py build/man
 
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .

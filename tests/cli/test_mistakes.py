@@ -240,7 +240,7 @@ def test_output_without_permission(gpszip, log, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ([], ["no output was named", "-o walks.gpsz"]),
+        (["--append"], ["no output was named", "-o walks.gpsz"]),
         (["-o", "a.gpsz", "--rmse", "5yd"], ["'yd' is no unit of length", "m, mm, cm"]),
         (["-o", "a.gpsz", "--gap", "5m"], ["write min for minutes"]),
         (["-o", "a.gpsz", "--rmse", "-5"], ["greater than 0"]),

@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpszip.cli.completing import complete_files
 from gpszip.cli.engine import engine_options, open_executor
 from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import (
     Settings,
     common_options,
     force,
+    no_output_error,
+    output_name,
     output_option,
     quiet,
     time_options,
@@ -49,8 +52,8 @@ _BOUND_OPTIONS = {
     cls=CommandWithFormats,
     short_help="Learn the map of logs and store them as walks on it.",
 )
-@click.argument("logs", metavar="LOG...", nargs=-1, required=True)
-@output_option("walks.gpsz")
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True, shell_complete=complete_files())
+@output_option("walks.gpsz", default="the name of the only LOG or folder with .gpsz, beside it")
 @click.option(
     "--rmse", type=LENGTH, metavar="LENGTH", help="Largest root mean square error, such as 5m."
 )
@@ -100,6 +103,8 @@ _BOUND_OPTIONS = {
     type=click.IntRange(1, 9),
     default=5,
     show_default=True,
+    envvar="GPSZIP_EFFORT",
+    show_envvar=True,
     help="From 1, fast, to 9, small archives.",
 )
 @click.option(
@@ -112,6 +117,8 @@ _BOUND_OPTIONS = {
     "--memory",
     type=SIZE,
     metavar="SIZE",
+    envvar="GPSZIP_MEMORY",
+    show_envvar=True,
     help="Memory to use, such as 1GiB; larger logs are compressed in batches.",
 )
 @click.option(
@@ -169,7 +176,7 @@ def command(
     settings: Settings,
     /,
     logs: tuple[str, ...],
-    target: str,
+    target: str | None,
     force: bool,
     quiet: bool,
     **choices: Any,
@@ -185,6 +192,7 @@ def command(
     from gpszip.cli.summary import print_summary
 
     # Refuse what can be refused before the logs are read.
+    target = _output_name(target, logs, choices)
     options = _compress_options(choices)
     extended = _archive_to_extend(target, choices)
     known_map = _open_map(choices)
@@ -217,6 +225,13 @@ def command(
     if settings.json or not quiet:
         print_summary(target, read_result, report, as_json=settings.json)
     return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
+
+
+def _output_name(target: str | None, logs: tuple[str, ...], choices: dict[str, Any]) -> str:
+    """Name of the archive; one that is appended to has to be named."""
+    if target is None and choices["append"]:
+        raise no_output_error("walks.gpsz")
+    return output_name(target, logs, ".gpsz", "walks.gpsz")
 
 
 @dataclass(frozen=True, eq=False)

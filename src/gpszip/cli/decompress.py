@@ -14,6 +14,7 @@ from gpszip.cli.options import (
     common_options,
     force,
     map_option,
+    output_name,
     output_option,
 )
 from gpszip.cli.outcome import Outcome
@@ -32,7 +33,7 @@ __all__ = ["command"]
 )
 @archive_argument
 @map_option
-@output_option("walks.csv")
+@output_option("walks.csv", default="the name of ARCHIVE with .csv")
 @click.option(
     "--every",
     type=DURATION,
@@ -62,7 +63,7 @@ __all__ = ["command"]
 def command(
     settings: Settings,
     archive: str,
-    target: str,
+    target: str | None,
     every: float | None,
     at: str | None,
     samples: bool,
@@ -85,6 +86,7 @@ def command(
     from gpszip.model.error_bound import writing_error
 
     # Refuse what can be refused before the archive is read.
+    target = output_name(target, [archive], ".csv", "walks.csv")
     at_times = _find_times_option(every, at, samples)
     times = None if at is None else parse_times(at)
     log_format = format_for_writing(target, kind)

@@ -21,17 +21,23 @@ _OPTIONS = (
         "--workers",
         type=click.IntRange(1),
         metavar="N",
+        envvar="GPSZIP_WORKERS",
+        show_envvar=True,
         help="Threads or processes; by default one for each core.",
     ),
     click.option(
         "--engine",
         type=click.Choice(["threads", "processes"]),
         default=None,
+        envvar="GPSZIP_ENGINE",
+        show_envvar=True,
         help="Where work runs.  [default: threads]",
     ),
     click.option(
         "--scheduler",
         metavar="ADDRESS",
+        envvar="GPSZIP_SCHEDULER",
+        show_envvar=True,
         help="Run on a Dask cluster, such as tcp://10.0.0.1:8786.",
     ),
 )

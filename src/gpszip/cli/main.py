@@ -51,6 +51,8 @@ _COMMANDS = (
     "warm",
     "demo",
     "formats",
+    "completion",
+    "help",
 )
 
 

@@ -13,6 +13,7 @@ from gpszip.cli.options import (
     common_options,
     force,
     map_option,
+    output_name,
     output_option,
 )
 from gpszip.cli.outcome import Outcome
@@ -28,7 +29,7 @@ __all__ = ["command"]
 )
 @archive_argument
 @map_option
-@output_option("map.geojson")
+@output_option("map.geojson", default="the name of ARCHIVE with -map.geojson")
 @click.option(
     "--min-traversals",
     type=click.IntRange(1),
@@ -51,7 +52,7 @@ __all__ = ["command"]
 def command(
     settings: Settings,
     archive: str,
-    target: str,
+    target: str | None,
     min_traversals: int,
     raw: bool,
     kind: str | None,
@@ -67,6 +68,7 @@ def command(
     from gpszip.io.maps.write import find_map_format, write_map
 
     # Read the map.
+    target = output_name(target, [archive], "-map.geojson", "map.geojson")
     map_format = find_map_format(target, kind)
     check_output(target, force=force, binary=map_format.is_binary)
     with open_archive_file(archive, map_name) as source:
@@ -81,6 +83,7 @@ def command(
     if settings.json:
         print_json({"output": target, "edges": edges}, err=target == "-")
     elif target != "-":
-        hint = "" if edges else f"; none was travelled {min_traversals:,} times, ask for fewer"
+        rare = not edges and min_traversals > 1
+        hint = f"; none was travelled {min_traversals:,} times, ask for fewer" if rare else ""
         print_status(f"{target}: edges {edges:,}{hint}")
     return Outcome.DONE

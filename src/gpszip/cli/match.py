@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import (
     Settings,
@@ -15,6 +16,7 @@ from gpszip.cli.options import (
     force,
     ignore_oneway,
     network_option,
+    output_name,
     output_option,
     quiet,
     skip_bad_logs,
@@ -40,9 +42,9 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 
 
 @click.command("match", cls=CommandWithFormats, short_help="Find the roads that a log took.")
-@click.argument("logs", metavar="LOG...", nargs=-1, required=True)
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True, shell_complete=complete_files())
 @network_option
-@output_option("routes.geojson")
+@output_option("routes.geojson", default="the name of the only LOG with -routes.geojson")
 @click.option(
     "--sigma",
     type=LENGTH,
@@ -89,7 +91,7 @@ def command(
     /,
     logs: tuple[str, ...],
     network: tuple[str, ...],
-    target: str,
+    target: str | None,
     sigma: float | None,
     beta: float | None,
     gap: float | None,
@@ -113,6 +115,7 @@ def command(
     from gpszip.io.maps.routes import route_format
 
     # Refuse a wrong output before the logs are read; imports that take long follow.
+    target = output_name(target, logs, "-routes.geojson", "routes.geojson")
     kind = route_format(target, kind)
     check_output(target, force=force)
     from gpszip.cli.progress import progress_bar

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpszip.cli.completing import complete_files
 from gpszip.cli.engine import engine_options, open_executor
 from gpszip.cli.options import (
     Settings,
@@ -26,7 +27,13 @@ __all__ = ["command"]
 
 
 @click.command("merge", short_help="Merge archives on one map.")
-@click.argument("archives", metavar="ARCHIVE...", nargs=-1, required=True)
+@click.argument(
+    "archives",
+    metavar="ARCHIVE...",
+    nargs=-1,
+    required=True,
+    shell_complete=complete_files(".gpsz"),
+)
 @output_option("city.gpsz")
 @click.option(
     "--deviation",

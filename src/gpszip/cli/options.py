@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import click
+
+from gpszip.cli.completing import complete_files
+from gpszip.cli.derived_names import derive_output
 
 __all__ = [
     "Settings",
@@ -16,6 +19,8 @@ __all__ = [
     "ignore_oneway",
     "map_option",
     "network_option",
+    "no_output_error",
+    "output_name",
     "output_option",
     "quiet",
     "skip_bad_logs",
@@ -90,9 +95,14 @@ def skip_bad_logs(command: F) -> F:
 def network_option(command: F) -> F:
     """Add the required option --network, which may be given several times."""
     text = "Roads: NETWORK_FORMATS. Of an archive, the map is the network."
-    return click.option("--network", metavar="FILE", multiple=True, required=True, help=text)(
-        command
-    )
+    return click.option(
+        "--network",
+        metavar="FILE",
+        multiple=True,
+        required=True,
+        help=text,
+        shell_complete=complete_files(),
+    )(command)
 
 
 def ignore_oneway(command: F) -> F:
@@ -104,7 +114,13 @@ def ignore_oneway(command: F) -> F:
 def map_option(command: F) -> F:
     """Add the option --map, for archives whose map is another archive."""
     text = "Map of ARCHIVE, if it has none of its own; by default searched in its folder."
-    return click.option("--map", "map_name", metavar="CITY.gpsz", help=text)(command)
+    return click.option(
+        "--map",
+        "map_name",
+        metavar="CITY.gpsz",
+        help=text,
+        shell_complete=complete_files(".gpsz"),
+    )(command)
 
 
 def time_options(command: F) -> F:
@@ -129,26 +145,65 @@ def time_order_options(command: F) -> F:
     return click.option("--sort", is_flag=True, help=sort)(command)
 
 
-def output_option(example: str) -> Callable[[F], F]:
-    """Add the required option -o, with a file name as example."""
+def output_option(example: str, *, default: str = "") -> Callable[[F], F]:
+    """Add the option -o.
+
+    Parameters
+    ----------
+    example : str
+        A file name, for the help and for the message of an error.
+    default : str, optional
+        Which name the command derives from its input, for the help. Without it, -o is required.
+    """
 
     def decorate(command: F) -> F:
         text = f"File to write, such as {example}; - is standard output."
+        if default:
+            text += f" By default {default}."
         # A callback, rather than required=True, names an example in its message.
         return click.option(
-            "-o", "--output", "target", metavar="FILE", help=text, callback=_required(example)
+            "-o",
+            "--output",
+            "target",
+            metavar="FILE",
+            help=text,
+            shell_complete=complete_files(),
+            callback=_required(example, derived=bool(default)),
         )(command)
 
     return decorate
 
 
-def _required(example: str) -> Callable[[click.Context, click.Parameter, str | None], str]:
-    def check(context: click.Context, _: click.Parameter, value: str | None) -> str:
-        if not value:
-            raise click.UsageError(f"no output was named; add -o {example}", context)
-        return value
+def _required(
+    example: str, *, derived: bool
+) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
+    def check(context: click.Context, _: click.Parameter, value: str | None) -> str | None:
+        if not value and not derived:
+            raise no_output_error(example, context)
+        return value or None
 
     return check
 
 
-archive_argument = click.argument("archive", metavar="ARCHIVE")
+def output_name(target: str | None, inputs: Sequence[str], ending: str, example: str) -> str:
+    """Name of the output: the one that was given, or one derived from the input.
+
+    Raises
+    ------
+    click.UsageError
+        If none was given, and the inputs leave none but a guess.
+    """
+    name = target or derive_output(inputs, ending)
+    if name is None:
+        raise no_output_error(example)
+    return name
+
+
+def no_output_error(example: str, context: click.Context | None = None) -> click.UsageError:
+    """Error of a command that doesn't know where to write."""
+    return click.UsageError(f"no output was named; add -o {example}", context)
+
+
+archive_argument = click.argument(
+    "archive", metavar="ARCHIVE", shell_complete=complete_files(".gpsz")
+)
