@@ -23,7 +23,7 @@ help:
 	@echo "make fuzz     feed every reader and the container changed files for MINUTES=60, within bounds of memory and time"
 	@echo "make faults   let every system call of every command fail, kill each 200 times, compile for any processor (an hour)"
 	@echo "make bench    run the benchmarks (an hour)"
-	@echo "make docs     draw the packages and their imports in docs/architecture.svg"
+	@echo "make docs     draw the pictures of the documentation, and build its site in build/site"
 	@echo "make wheel    build in dist/ the source archive, and a wheel with compiled kernels for this platform and Python"
 	@echo "make man      write the man pages in build/man"
 	@echo "make demo     compress a generated robot patrol and draw the map that it learned, in demo/"
@@ -61,8 +61,11 @@ bench: $(VENV)/.dev
 	@for name in $(BENCHMARKS); do \
 		echo "== benchmarks/$$name.py"; $(BIN)/python benchmarks/$$name.py || exit 1; done
 
-docs: $(VENV)/.dev
+docs: $(VENV)/.docs
 	$(BIN)/python scripts/draw_architecture.py docs/architecture.svg
+	$(BIN)/python scripts/collect_docs.py build/docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+	@echo "open build/site/index.html"
 
 # hatch_build.py puts build/compiled into the wheel, so that nothing is compiled where that is installed.
 wheel: $(VENV)/.dev

@@ -1,0 +1,121 @@
+"""Collect the pages of the documentation in a folder, for mkdocs.
+
+    python scripts/collect_docs.py build/docs
+
+Pages of docs/ are copied. Pages about commands, public names and errors are written from the code,
+and files beside docs/, such as the changelog, become pages.
+"""
+
+import inspect
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import click
+
+import gpszip
+from gpszip.cli.main import cli
+
+ROOT = Path(__file__).parents[1]
+
+#: Files beside docs/ that are pages, by the names of the pages.
+FILES = {
+    "CHANGELOG.md": "changes.md",
+    "CONTRIBUTING.md": "contributing.md",
+    "SECURITY.md": "security.md",
+}
+
+#: Width of help texts in columns.
+WIDTH = 100
+
+
+def main() -> None:
+    """Fill the folder that the command line names."""
+    target = Path(sys.argv[1])
+    shutil.rmtree(target, ignore_errors=True)
+    shutil.copytree(ROOT / "docs", target)
+    for page in target.rglob("*.md"):
+        page.write_text(link_to_pages(page.read_text()))
+    for name, page in FILES.items():
+        (target / page).write_text(link_from_root((ROOT / name).read_text()))
+    (target / "commands.md").write_text(commands_page())
+    (target / "reference.md").write_text(reference_page())
+    (target / "errors.md").write_text(errors_page())
+
+
+def link_to_pages(text: str) -> str:
+    """Let links to files beside docs/ lead to their pages."""
+    for name, page in FILES.items():
+        text = text.replace(f"](../{name}", f"]({page}")
+    return text
+
+
+def link_from_root(text: str) -> str:
+    """Let links of a file beside docs/ lead to pages."""
+    for name, page in FILES.items():
+        text = text.replace(f"]({name}", f"]({page}")
+    text = text.replace("](docs/", "](")
+    # Sources are no pages: their names stay, without a link.
+    return re.sub(r"\[([^\]]*)\]\((?!https?:|[\w/-]+\.md)[^)]*\)", r"\1", text)
+
+
+def commands_page() -> str:
+    """Help of every command."""
+    parts = [
+        "# Commands\n\nWhat `gpszip COMMAND --help` prints. [The command line](cli.md) explains.\n"
+    ]
+    for name in cli.list_commands(click.Context(cli)):
+        command = cli.get_command(click.Context(cli), name)
+        context = click.Context(command, info_name=f"gpszip {name}", max_content_width=WIDTH)
+        context.terminal_width = WIDTH
+        parts.append(f"## {name}\n\n```text\n{command.get_help(context)}\n```\n")
+    return "\n".join(parts)
+
+
+def reference_page() -> str:
+    """Docstrings of all public functions, then of all public types."""
+    names = [name for name in gpszip.__all__ if name != "__version__"]
+    errors = {name for name in names if is_error(name)}
+    functions = [name for name in names if name[0].islower()]
+    types = [name for name in names if not name[0].islower() and name not in errors]
+    lines = ["# Python reference", "", "[Python](python.md) is the introduction.", ""]
+    lines += [entry_of(name) for name in [*functions, *types]]
+    return "\n".join(lines)
+
+
+def errors_page() -> str:
+    """Docstrings of all errors."""
+    lines = [
+        "# Errors",
+        "",
+        "All errors are kinds of `GPSZipError`. On the command line they end with an",
+        "[exit code](cli.md#exit-codes) and one line; in Python they carry fields.",
+        "",
+    ]
+    names = [name for name in gpszip.__all__ if name != "__version__" and is_error(name)]
+    return "\n".join([*lines, *(f"::: {home_of(name)}\n" for name in names)])
+
+
+def is_error(name: str) -> bool:
+    """Whether a public name is an error."""
+    value = getattr(gpszip, name)
+    return isinstance(value, type) and issubclass(value, Exception)
+
+
+def entry_of(name: str) -> str:
+    """Entry of a public name: its docstring, or what it stands for."""
+    value = getattr(gpszip, name)
+    if isinstance(value, type) or inspect.isfunction(value):
+        return f"::: {home_of(name)}\n"
+    return f"## {name}\n\n`{value}`\n"
+
+
+def home_of(name: str) -> str:
+    """Full name of a public function or type, where it is defined."""
+    value = getattr(gpszip, name)
+    return f"{value.__module__}.{value.__qualname__}"
+
+
+if __name__ == "__main__":
+    main()
