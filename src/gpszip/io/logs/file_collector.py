@@ -25,7 +25,6 @@ from gpszip.io.logs.log_file import LogFile
 from gpszip.io.logs.log_format import CoordinateKind
 from gpszip.io.logs.losses import (
     MAX_TINY_LOG_POINTS,
-    MIN_STOPPED_POSITIONS,
     loss_if_large,
     nearly_lost_error,
     stopped_clock_error,
@@ -249,7 +248,7 @@ class FileCollector:
     def _leave_out_stopped_tracks(self) -> None:
         """Refuse tracks whose points all have the same time, or leave them out."""
         # Describe each of them.
-        tracks = self.tracks.stopped_tracks(MIN_STOPPED_POSITIONS)
+        tracks = self.tracks.stopped_tracks()
         errors = []
         for track in tracks:
             name = self.tracks.names[track["name"]] or ""
