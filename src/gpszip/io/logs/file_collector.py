@@ -136,8 +136,8 @@ class FileCollector:
             If time goes back, and points are neither sorted nor tracks split.
         """
         # Find the rows that can be used.
+        raw = number_shape_points(raw, self.rows)
         self._describe(raw)
-        raw = number_shape_points(raw)
         names = self.tracks.index_names(raw)
         rows = find_usable_rows(raw, self._globe, self.repairs, clean=self._options.clean)
         self._note_readable(raw, rows)
