@@ -1,11 +1,12 @@
 """compress, as a user runs it, on small generated logs."""
 
+import contextlib
 import gzip
 import json
+import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -287,10 +288,21 @@ def test_the_order_of_dates_and_the_unit_of_numbers_can_be_given(gpszip, log):
         assert ", ".join(f"'{one}'" for one in known) in done.err
 
 
+def read_until(terminal, word):
+    """Output of a program on a terminal up to a word, or up to its end."""
+    output = b""
+    # At the end of the program, Linux raises an error.
+    with contextlib.suppress(OSError):
+        while (word is None or word not in output) and (more := os.read(terminal, 4096)):
+            output += more
+    return output
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="terminals and signals of POSIX")
 def test_interruption_ends_with_130_and_leaves_nothing(tmp_path):
-    track = patrol(200_000)
+    track = patrol(3000)
     np.savetxt(
-        tmp_path / "long.csv",
+        tmp_path / "log.csv",
         np.column_stack([track.times, track.positions]),
         "%.3f",
         ",",
@@ -305,19 +317,22 @@ def test_interruption_ends_with_130_and_leaves_nothing(tmp_path):
         "-c",
         script,
         "compress",
-        "long.csv",
+        "log.csv",
         "-o",
-        "long.gpsz",
+        "log.gpsz",
         "--max-error",
         "2cm",
         "--effort",
         "9",
     ]
-    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE)
-    time.sleep(2.0)
-    assert process.poll() is None
+    # On a terminal, the progress says when a first step of learning is done; many follow.
+    terminal, stderr = os.openpty()
+    process = subprocess.Popen(command, cwd=tmp_path, stderr=stderr)
+    os.close(stderr)
+    assert b"learn" in read_until(terminal, b"learn")
     process.send_signal(signal.SIGINT)
-    _, told = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert told.decode().strip() == "gpszip: interrupted; nothing was written"
-    assert [path.name for path in tmp_path.iterdir()] == ["long.csv"]
+    told = read_until(terminal, None)
+    os.close(terminal)
+    assert process.wait(60) == 130
+    assert told.decode().splitlines()[-1].endswith("gpszip: interrupted; nothing was written")
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]

@@ -230,6 +230,18 @@ def test_a_size_with_columns_kept(gpszip, log, monkeypatch):
     )
 
 
+def test_a_table_without_times_is_compressed_in_batches(gpszip, tmp_path):
+    x = np.arange(N) / 2
+    rows = "".join(f"{a:.1f},{40 * np.sin(a / 90):.3f}\n" for a in x)
+    (tmp_path / "route.csv").write_text("x,y\n" + rows)
+    done = gpszip("compress", "route.csv", "-o", "a.gpsz", *batches())
+    assert "--no-times" in done.err
+    done = gpszip("compress", "route.csv", "-o", "a.gpsz", *batches("--no-times", "--json"))
+    assert done.code == 0, done.err
+    assert (done.json["points"], done.json["rmse"] <= 0.4) == (N, True)
+    assert not package.open("a.gpsz").timed
+
+
 def test_outliers_are_dropped_and_counted(gpszip, log):
     rows = pq.read_table(log / "9.parquet")
     xs = rows["x"].to_numpy().copy()

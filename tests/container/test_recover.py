@@ -10,7 +10,7 @@ from gpszip.container.recover import recover, recover_bytes
 from gpszip.container.verify import verify, verify_bytes
 from gpszip.container.writer import to_bytes
 from gpszip.errors import CorruptArchiveError, InputError
-from gpszip.model.error_bound import ErrorBound
+from gpszip.model.error_bound import ErrorBound, rounded_bounds
 from oracle import archives
 from oracle.archives import section
 
@@ -69,6 +69,28 @@ def test_a_mean_error_bound_is_lost_with_any_track(maximum):
     assert saved.contents.error_bound == (error_bound if maximum else None)
     assert saved.contents.sampling == 99
     assert any("error bound" in sentence for sentence in saved.lost) != maximum
+
+
+@pytest.mark.parametrize(
+    ("both", "metres", "said"),
+    [
+        (rounded_bounds(3.0, 12.0), 12.0, "; maximum <= 12 m still holds"),
+        (rounded_bounds(5e-8, 7e-6), 7e-6, "; maximum <= 7e-06 m still holds"),
+        (ErrorBound(999, 6, maximum=False, max_digits=999, max_exponent=9), None, ""),
+    ],
+)
+def test_a_maximum_beside_a_mean_still_holds_for_the_tracks_that_are_left(both, metres, said):
+    data = bytearray(to_bytes(replace(ORIGINAL, error_bound=both, sampling=99)))
+    assert recover_bytes(bytes(data)).contents.error_bound == both
+    data[
+        next(report.offset for report in verify_bytes(data).sections if report.kind == "walks") + 12
+    ] ^= 0xFF
+    saved = recover_bytes(bytes(data))
+    bound = saved.contents.error_bound
+    assert (bound and (bound.metres, bound.maximum)) == (metres and (metres, True))
+    assert saved.contents.sampling == 99
+    assert f"the bound of the RMSE, which is one of all tracks together{said}" in saved.lost
+    assert from_bytes(to_bytes(saved.contents)) == saved.contents
 
 
 def test_every_truncation_saves_the_groups_before_it():

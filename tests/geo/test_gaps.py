@@ -88,3 +88,10 @@ def test_a_change_of_plane_is_a_gap_however_short():
         plane=plane,
     )
     assert find_gaps(track, 30.0).tolist() == [False, True, True]
+
+
+def test_shapes_have_no_long_intervals():
+    """The "times" of a shape are metres."""
+    positions = [[0.0, 0.0], [9000.0, 0.0]]
+    assert not find_gaps(Track("plan", [0.0, 9000.0], positions, timed=False), 30.0).any()
+    assert find_gaps(Track("ride", [0.0, 9000.0], positions), 30.0).all()

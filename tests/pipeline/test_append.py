@@ -129,6 +129,16 @@ def test_appending_keeps_a_maximum_error(day):
     assert longer.error_bound.metres == 1.0
     weaker, _ = append(archive, slice_track(day, 1000, 1600), Options(rmse=RMSE, effort=1))
     assert (weaker.error_bound.maximum, weaker.error_bound.metres) == (False, 1.0)
+    assert weaker.error_bound.max_error is None
+
+
+def test_a_maximum_and_both_bounds_make_both_bounds(day):
+    archive, _ = compress([slice_track(day, 0, 500)], Options(rmse=0.5, max_error=2.0, effort=1))
+    longer, _ = append(
+        archive, slice_track(day, 600, 900, "other"), Options(max_error=1.0, effort=1)
+    )
+    bound = longer.error_bound
+    assert (bound.maximum, bound.metres, bound.max_error) == (False, 1.0, 2.0)
 
 
 def test_kept_columns_are_appended(day):

@@ -26,6 +26,7 @@ from gpszip.pipeline.open_log import open_log
 from gpszip.run import Processes, Serial, Threads
 from gpszip.testing import city
 from gpszip.testing.patrol import patrol
+from gpszip.walks.shapes import shape_error
 
 MEMORY = 420 << 20
 TESTS = Path(__file__).parents[1]
@@ -189,6 +190,104 @@ def test_logs_in_degrees_with_gaps_are_compressed(tmp_path):
     assert report.gap < 40_000
     assert all(walk.gaps.sum() == 1 for walk in archive.walks)
     assert root_mean_square(distances(archive, gpszip.read(log))) <= 12.01
+
+
+def write_shapes(path):
+    """Planned routes in a table without times; the first one is longer than a batch."""
+    rows = ["track_id,x,y"]
+    for number, count in enumerate((4000, 300, 1)):
+        angle = np.arange(count) / 10 + number
+        x, y = 50 * np.cos(angle), 30 * np.sin(angle) + 40 * np.floor(angle / 60)
+        rows += [f"r{number},{a:.3f},{b:.3f}" for a, b in zip(x, y, strict=True)]
+    path.write_text("\n".join(rows) + "\n")
+    return str(path)
+
+
+@pytest.mark.parametrize("bound", [{"rmse": 1.5}, {"max_error": 5.0}])
+def test_shapes_keep_the_bound_at_equal_shares_of_their_lengths(tmp_path, bound):
+    log = write_shapes(tmp_path / "routes.csv")
+    archive, report, result = compress_in_batches(
+        log, Options(effort=1, **bound), memory=MEMORY, times=False
+    )
+    archive = gpszip.open(archive.to_bytes())
+    tracks = gpszip.read(log, times=False)
+    assert (archive.timed, archive.ids) == (False, tuple(track.id for track in tracks))
+    assert (report.points, result.points) == (sum(map(len, tracks)), 4301)
+
+    # Compare whole shapes with whole walks, not slice by slice.
+    nodes = archive.road_map.nodes
+    errors = [shape_error(track.positions, nodes[archive.walk(track.id).nodes]) for track in tracks]
+    squares = sum(len(track) * error for track, (error, _) in zip(tracks, errors, strict=True))
+    assert report.rmse == pytest.approx(np.sqrt(squares / report.points))
+    assert report.max_error == pytest.approx(max(largest for _, largest in errors))
+    assert report.rmse <= bound.get("rmse", np.inf)
+    assert report.max_error <= bound.get("max_error", np.inf)
+    assert any("no times in the log: shapes are kept" in note for note in report.notes)
+
+
+def test_shapes_of_several_batches_give_the_same_bytes_on_all_engines(tmp_path):
+    log = write_shapes(tmp_path / "routes.csv")
+    archives = [
+        compress_in_batches(
+            log, Options(rmse=3.0, effort=1), memory=MEMORY, executor=executor, times=False
+        )[0].to_bytes()
+        for executor in (Serial(), Threads(3))
+    ]
+    assert archives[0] == archives[1]
+
+
+def write_plan_and_ride(path, points=3500):
+    """A route, which has no times, and a track in one GPX file."""
+    at = [(48 + np.sin(i / 90) / 90, 11 + np.cos(i / 70) / 90) for i in range(points)]
+    plan = "".join(f'<rtept lat="{lat:.6f}" lon="{lon:.6f}"/>' for lat, lon in at[::2])
+    ride = "".join(
+        f'<trkpt lat="{lat:.6f}" lon="{lon:.6f}">'
+        f"<time>2024-05-04T{9 + i // 3600:02d}:{i // 60 % 60:02d}:{i % 60:02d}Z</time></trkpt>"
+        for i, (lat, lon) in enumerate(at)
+    )
+    path.write_text(
+        f'<gpx version="1.1" creator="t"><rte><name>plan</name>{plan}</rte>'
+        f"<trk><name>ride</name><trkseg>{ride}</trkseg></trk></gpx>"
+    )
+    return str(path)
+
+
+def test_shapes_and_tracks_with_times_share_a_map(tmp_path):
+    log = write_plan_and_ride(tmp_path / "both.gpx")
+    archive, report, _ = compress_in_batches(log, Options(max_error=10.0, effort=1), memory=MEMORY)
+    archive = gpszip.open(archive.to_bytes())
+    assert (archive.untimed, set(archive.ids)) == (("plan",), {"plan", "ride"})
+    assert any("without times, kept as shapes: 'plan'" in note for note in report.notes)
+    plan, ride = sorted(gpszip.read(log), key=lambda track: track.id)
+    assert distances(archive, [ride]).max() <= 10.0
+    nodes = archive.road_map.nodes
+    assert shape_error(plan.positions, nodes[archive.walk("plan").nodes])[1] <= 10.0
+    assert report.max_error <= 10.0
+
+
+def test_shapes_are_appended_in_batches(tmp_path):
+    """The log lies on the map, and its shapes have no place in time."""
+    both = write_plan_and_ride(tmp_path / "both.gpx")
+    ride = [track for track in gpszip.read(both) if track.timed]
+    first = gpszip.compress(ride, max_error=10.0, effort=1)
+    (tmp_path / "later.gpx").write_text(Path(both).read_text().replace("ride", "again"))
+    longer, report, _ = append_in_batches(
+        first, str(tmp_path / "later.gpx"), Options(effort=1), memory=MEMORY
+    )
+    longer = gpszip.open(longer.to_bytes())
+    assert (longer.ids[0], set(longer.ids)) == ("ride", {"ride", "plan", "again"})
+    assert (longer.untimed, longer.error_bound.metres) == (("plan",), 10.0)
+    assert report.max_error <= 10.0
+    with pytest.raises(OptionError, match="'plan' is in the archive, and one of both has no times"):
+        append_in_batches(longer, both, Options(effort=1), memory=MEMORY)
+
+
+def test_columns_of_shapes_are_not_kept_and_coresets_of_them_refused(tmp_path):
+    log = write_plan_and_ride(tmp_path / "both.gpx", points=50)
+    with pytest.raises(OptionError, match="'plan' has no times, by which columns are kept"):
+        compress_in_batches(log, Options(rmse=9.0, keep_times=True), memory=MEMORY)
+    with pytest.raises(OptionError, match="'plan' has no times, which a coreset needs"):
+        gpszip.coreset(log, size=5, memory=MEMORY)
 
 
 def test_a_batch_keeps_the_knots_it_needs_where_learning_fails(folder, robots, monkeypatch):

@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,6 +10,7 @@ from gpszip.walks.shapes import (
     assign_times_by_distance,
     drop_time_steps,
     shape_error,
+    shape_slice_error,
     with_synthetic_times,
 )
 from oracle.walks import walk
@@ -43,6 +46,28 @@ def test_shape_errors_match_many_points_at_equal_fractions(seed, n, k):
     assert mean_square == pytest.approx((distance**2).mean(), rel=2e-2, abs=1e-6)
     assert largest >= distance.max() - 1e-9
     assert largest == pytest.approx(distance.max(), rel=2e-2, abs=1.0)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, 12), st.integers(1, 12), st.data())
+def test_errors_of_slices_add_up_to_that_of_the_shape(seed, n, k, data):
+    rng = np.random.default_rng(seed)
+    samples, nodes = rng.normal(0, 50, (n, 2)), rng.normal(0, 50, (k, 2))
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(samples, axis=0), axis=1)))
+    whole = Walk("a", np.arange(k, dtype=np.int32), None, np.zeros(k - 1, bool))
+    whole = assign_times_by_distance(whole, nodes, 0.0, along[-1])
+
+    # Neighbouring slices share a sample.
+    cuts = sorted({0, n - 1, *data.draw(st.sets(st.integers(0, n - 1)))})
+    errors = [
+        shape_slice_error(
+            Track("a", along[a : b + 1], samples[a : b + 1], timed=False), whole, nodes
+        )
+        for a, b in pairwise(cuts)
+    ]
+    shares = np.diff(along[cuts]) / along[-1]
+    mean_square, largest = shape_error(samples, nodes)
+    assert sum(shares * [square for square, _ in errors]) == pytest.approx(mean_square)
+    assert max(distance for _, distance in errors) == pytest.approx(largest)
 
 
 def test_sampling_does_not_change_a_shape():

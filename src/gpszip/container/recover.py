@@ -25,7 +25,7 @@ from gpszip.container.map_record import read_reference
 from gpszip.container.names import read_names
 from gpszip.container.reader import StoredSection, from_bytes, layer_limit, read_file, read_section
 from gpszip.errors import CorruptArchiveError
-from gpszip.model.error_bound import ErrorBound
+from gpszip.model.error_bound import ErrorBound, rounded_bound
 from gpszip.model.grid import QuantisationGrid
 
 __all__ = ["Recovered", "find_intact_sections", "recover", "recover_bytes"]
@@ -219,17 +219,22 @@ def _read_extras(
 def _read_error_bound(
     sections: list[StoredSection], version: int, has_all_tracks: bool, lost: list[str]
 ) -> tuple[ErrorBound | None, int | None]:
-    """Error bound and sampling; a mean over all tracks is lost with any of them."""
+    """Error bound and sampling; a root mean square of all tracks is lost with any of them."""
     error_bound = sampling = None
     for section in sections:
         if section.kind == SectionKind.ERROR_BOUND:
             error_bound, sampling = read_error_bound(section.cursor(), version)
             break
-    # A maximum holds for each track that is left, a mean only for all of them together.
-    if error_bound is not None and not error_bound.maximum and not has_all_tracks:
-        error_bound = None
+    # A maximum holds for each track that is left, a root mean square for all of them together.
+    if error_bound is None or error_bound.maximum or has_all_tracks:
+        return error_bound, sampling
+    if error_bound.max_error is None:
         lost.append("the error bound, which is one of all tracks together")
-    return error_bound, sampling
+        return None, sampling
+    maximum = rounded_bound(error_bound.max_error, maximum=True)
+    still_holds = "" if maximum is None else f"; {maximum} still holds"
+    lost.append(f"the bound of the RMSE, which is one of all tracks together{still_holds}")
+    return maximum, sampling
 
 
 def _renumber(groups: list[Group]) -> tuple[Group, ...]:

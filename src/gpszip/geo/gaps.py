@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -104,6 +105,8 @@ def find_long_intervals(times: ArrayLike, gap: float) -> NDArray[np.bool_]:
 def find_gaps(track: Track, gap: float) -> NDArray[np.bool_]:
     """Find the steps of a track without a known path: long intervals and changes of plane.
 
+    A shape has no intervals of time.
+
     Parameters
     ----------
     track : Track
@@ -121,7 +124,8 @@ def find_gaps(track: Track, gap: float) -> NDArray[np.bool_]:
     [False, True]
     """
     # The distance between two planes is that of their shifts, not one that was travelled.
-    gaps: NDArray[np.bool_] = find_long_intervals(track.times, gap) | plane_changes(
+    longest = gap if track.timed else math.inf
+    gaps: NDArray[np.bool_] = find_long_intervals(track.times, longest) | plane_changes(
         track.positions, track.plane
     )
     return gaps

@@ -255,7 +255,7 @@ def _find_breaking_gaps(track: Track, gap: float) -> NDArray[np.bool_]:
     A track without times has none but changes of plane: its points lie as far apart as its author
     drew them.
     """
-    return find_gaps(track, gap if track.timed else math.inf)
+    return find_gaps(track, gap)
 
 
 def _measure_distances(matched: Match, track: Track, network: Network) -> Match:

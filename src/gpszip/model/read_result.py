@@ -75,8 +75,8 @@ class Loss:
     points : int
         Number of its points in the log.
     shared : int
-        The largest number of points at different positions that share one timestamp; 0 if no two
-        do.
+        The largest number of points that share one timestamp, of which those at the position of
+        the first one count once; 0 if no two positions share one.
     """
 
     track: str

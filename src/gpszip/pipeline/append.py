@@ -21,7 +21,7 @@ from gpszip.codec.numbering import number_by_visit
 from gpszip.errors import BoundError, OptionError
 from gpszip.mapping.search import suggest_time_step
 from gpszip.model import GridWalk, GridWalks, Listener, Options, Plane, Report, Track
-from gpszip.model.error_bound import ErrorBound
+from gpszip.model.error_bound import ErrorBound, rounded_bounds
 from gpszip.model.grid import step_size
 from gpszip.model.grid_walks import refined
 from gpszip.model.log import Log, LogTrack, MemoryLog
@@ -418,15 +418,15 @@ def _weaker_bound(one: ErrorBound | None, other: ErrorBound | None) -> ErrorBoun
     if one is None or other is None:
         return None
     larger = one if one.metres >= other.metres else other
-    largest = None
-    if one.max_error is not None and other.max_error is not None:
-        largest = max(one, other, key=lambda bound: bound.max_error or 0.0)
-    return replace(
-        larger,
-        maximum=one.maximum and other.maximum,
-        max_digits=0 if largest is None else largest.max_digits,
-        max_exponent=0 if largest is None else largest.max_exponent,
-    )
+    if one.maximum and other.maximum:
+        return larger
+
+    # The largest distance is bounded by a maximum alone, or by one beside an RMSE.
+    maxima = [bound.metres if bound.maximum else bound.max_error for bound in (one, other)]
+    known = [maximum for maximum in maxima if maximum is not None]
+    if len(known) < len(maxima) or larger.growth:
+        return replace(larger, maximum=False, max_digits=0, max_exponent=0)
+    return rounded_bounds(larger.metres, max(known))
 
 
 def _measure(job: Job, extended: Archive) -> ErrorSummary:

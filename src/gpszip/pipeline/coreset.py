@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.errors import OptionError
 from gpszip.model import Track
 from gpszip.model.log import Log
 from gpszip.pipeline.slices import Slice, batch_slices, slice_tracks
@@ -68,8 +69,11 @@ def sketch_log(
     Raises
     ------
     OptionError
-        As :func:`gpszip.sketches.partition.build_coreset` does.
+        As :func:`gpszip.sketches.partition.build_coreset` does; also if a track has no times.
     """
+    untimed = next((track for track in log.tracks if not track.timed), None)
+    if untimed is not None:
+        raise OptionError(f"track {untimed.id!r} has no times, which a coreset needs")
     count = resolve_block_count(len(log.tracks), log.dimension, k, eps, size, max_bytes)
     slices = slice_tracks([len(track) for track in log.tracks], _BATCH)
     if count is not None:

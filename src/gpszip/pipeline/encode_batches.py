@@ -26,6 +26,7 @@ from gpszip.pipeline.slices import Slice, join_at_cut
 from gpszip.run.executor import Executor, share_value
 from gpszip.walks.error import ErrorSummary, measure_errors
 from gpszip.walks.quantised import dequantise_walks, node_positions, quantise_walks
+from gpszip.walks.shapes import SyntheticTimes
 
 __all__ = ["BaseMap", "encode_batch", "encode_batches", "read_slice"]
 
@@ -41,6 +42,9 @@ _INSERTION_SHARES = (1.0, 0.7, 0.5)
 
 #: The same for an RMSE: a maximum of 1.7 RMSE mostly keeps it.
 _INSERTION_SHARES_OF_RMSE = (1.7, 1.0, 0.7)
+
+#: Times of shapes where nothing else is known: a metre takes a second.
+_PLAIN_TIMES = SyntheticTimes()
 
 #: Batches of the first wave; each wave has twice as many as the one before.
 _WAVE = 8
@@ -67,6 +71,8 @@ class BaseMap:
         How often the steps of a known map are halved.
     share : float
         Share of a batch in the work that the effort allows.
+    shape_times : SyntheticTimes
+        Times of tracks without any.
     """
 
     grid: QuantisationGrid
@@ -75,6 +81,7 @@ class BaseMap:
     options: Options
     refinements: int = 0
     share: float = 1.0
+    shape_times: SyntheticTimes = _PLAIN_TIMES
 
 
 def encode_batches(
@@ -89,7 +96,7 @@ def encode_batches(
     Parameters
     ----------
     log : Log
-        With times.
+        Shapes get the times of ``base``.
     base : BaseMap
         What is known before.
     batches : sequence of sequences of Slice
@@ -225,7 +232,7 @@ class _EncodedSoFar:
         # Samples that both slices have.
         track = self.log.tracks[which.track]
         last = min(2 * which.begin - which.first, len(track))
-        overlap = self.log.read(track, which.first, last)
+        overlap = self.base.shape_times.assign_to(self.log.read(track, which.first, last))
         cut_time = float(overlap.times[which.begin - which.first])
 
         # The walks, joined where they fit best.
@@ -268,6 +275,7 @@ def _walks_within_bound(base: BaseMap, tracks: Sequence[Track]) -> GridWalks:
     """Walks on known and new nodes that hold the bound, or exceed an RMSE by a few percent."""
     # Find the gaps: intervals in which nothing is known of the path.
     gaps = [find_gaps(track, base.gap) for track in tracks]
+    tracks = [base.shape_times.assign_to(track) for track in tracks]
     options = base.options
 
     # Aim at a share of the bound, on the known nodes and those that the walks need besides.

@@ -22,6 +22,7 @@ from gpszip.pipeline.slices import Slice, batch_slices, slice_tracks
 from gpszip.pipeline.validate import check_thesis_in_memory
 from gpszip.run import resolve_executor
 from gpszip.run.executor import Executor
+from gpszip.walks.shapes import SyntheticTimes, synthetic_times
 
 __all__ = ["Job", "batches_of", "on_tracks", "prepare"]
 
@@ -103,6 +104,11 @@ class Job:
         return min((float(np.median(np.diff(track.times))) for track in timed), default=0.0)
 
     @cached_property
+    def shape_times(self) -> SyntheticTimes:
+        """The times with which tracks without any are learned."""
+        return synthetic_times(self.sample, self.gaps)
+
+    @cached_property
     def time_ranges(self) -> list[NDArray[np.float64]]:
         """For each track, the times of the first and last sample of each piece, in seconds."""
         return [_time_ranges(self.log, track, self.gap) for track in self.log.tracks]
@@ -157,7 +163,7 @@ def prepare(
 
     # Gaps: intervals in which nothing is known of the path.
     gap = estimate_gap(timed) if options.gap is None else options.gap
-    gaps = tuple(find_gaps(track, gap if track.timed else math.inf) for track in sample)
+    gaps = tuple(find_gaps(track, gap) for track in sample)
     timed_gaps = [gap for track, gap in zip(sample, gaps, strict=True) if track.timed]
     sampling = sampling_interval(timed, timed_gaps) if timed else None
 
@@ -188,7 +194,7 @@ def prepare(
 
 def on_tracks(job: Job, tracks: tuple[Track, ...]) -> Job:
     """Return the job for other tracks in memory, with the same gap."""
-    gaps = tuple(find_gaps(track, job.gap if track.timed else math.inf) for track in tracks)
+    gaps = tuple(find_gaps(track, job.gap) for track in tracks)
     return replace(job, log=MemoryLog(tracks), sample=tracks, gaps=gaps)
 
 
@@ -207,8 +213,8 @@ def _subsample(log: Log, samples: int) -> tuple[Track, ...]:
     slices = slice_tracks([len(track) for track in log.tracks], length)
     total = sum(each.end - each.begin for each in slices)
 
-    # The earliest slice sets the epoch of the grid.
-    starts = [log.read(track, 0, 1).times[0] for track in log.tracks]
+    # The earliest slice sets the epoch of the grid; shapes start with it.
+    starts = [log.read(track, 0, 1).times[0] if track.timed else math.inf for track in log.tracks]
     earliest = min(range(len(starts)), key=starts.__getitem__)
     first = next(each for each in slices if each.track == earliest)
 

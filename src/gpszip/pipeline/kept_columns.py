@@ -72,6 +72,7 @@ def kept_sections(log: Log, options: Options) -> tuple[Section, ...]:
     if not (options.keep or options.keep_times):
         return ()
     check_names(options.keep, geographic=log.plane is not None)
+    _refuse_shapes(log)
     if isinstance(log, MemoryLog):
         _check_tracks(log.tracks, options.keep)
 
@@ -98,6 +99,7 @@ def extended_sections(archive: Archive, log: Log, options: Options) -> tuple[Sec
     )
     if not options.keep_times:
         return others
+    _refuse_shapes(log)
     if isinstance(log, MemoryLog):
         _check_tracks(log.tracks, options.keep)
 
@@ -215,14 +217,18 @@ def _section(counts: Sequence[int], times: Column, columns: Mapping[str, Column]
         return Section(SectionKind.ATTRIBUTES, body)
 
 
-def _check_tracks(tracks: Sequence[Track], names: Sequence[str]) -> None:
-    """Refuse tracks that lack times or one of the columns."""
-    untimed = next((track for track in tracks if not track.timed), None)
+def _refuse_shapes(log: Log) -> None:
+    """Refuse tracks that lack times."""
+    untimed = next((track for track in log.tracks if not track.timed), None)
     if untimed is not None:
         raise OptionError(
             f"track {untimed.id!r} has no times, by which columns are kept",
             remedy="leave out --keep and --keep-times (keep)",
         )
+
+
+def _check_tracks(tracks: Sequence[Track], names: Sequence[str]) -> None:
+    """Refuse tracks that lack one of the columns."""
     for name in names:
         lacking = next((track for track in tracks if name not in track.attributes), None)
         if lacking is not None:

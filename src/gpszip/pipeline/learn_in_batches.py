@@ -75,7 +75,8 @@ def _known_base(job: Job, map: Archive, target: Options) -> BaseMap:
     refinements = needed_refinements(map.grid, target.rmse, target.max_error)
     grid = refined_grid(map.grid, refinements)
     share = 1 / max(len(job.batches), 1)
-    return BaseMap(grid, map.prior(refinements), job.gap, target, refinements, share)
+    prior, times = map.prior(refinements), job.shape_times
+    return BaseMap(grid, prior, job.gap, target, refinements, share, times)
 
 
 def _learned_base(job: Job, target: Options) -> BaseMap:
@@ -105,29 +106,28 @@ def _learned_base(job: Job, target: Options) -> BaseMap:
         track = job.log.tracks[0]
         first = job.log.read(track, 0, min(_VERBATIM_SAMPLES, len(track)))
         limit = target.max_error or target.rmse or 0.0
-        learned = keep_samples([first], [_gaps_of(job, first)], limit)
+        gaps = [find_gaps(first, job.gap)]
+        learned = keep_samples([job.shape_times.assign_to(first)], gaps, limit)
 
     # The coder's model is primed once, before several batches ask for it.
     grid, grid_walks = learned
     prior = Prior(grid_walks)
     prior.model(0)
-    return BaseMap(grid, prior, job.gap, target, share=1 / max(len(job.batches), 1))
-
-
-def _gaps_of(job: Job, track: Track) -> NDArray[np.bool_]:
-    return find_gaps(track, job.gap)
+    share = 1 / max(len(job.batches), 1)
+    return BaseMap(grid, prior, job.gap, target, share=share, shape_times=job.shape_times)
 
 
 def _thin_out(job: Job, target: Options) -> tuple[Sequence[Track], Sequence[NDArray[np.bool_]]]:
     """The coreset that was asked for, or weighted samples of a log denser than its bound needs."""
+    sample = [job.shape_times.assign_to(track) for track in job.sample]
     if target.coreset is not None:
-        return reduce_to_coreset(job.sample, job.gaps, target.coreset)
-    blocks = sum(map(len, job.sample)) // _DENSE_BLOCK
+        return reduce_to_coreset(sample, job.gaps, target.coreset)
+    blocks = sum(map(len, sample)) // _DENSE_BLOCK
     bound = target.rmse
     if bound is None:
         bound = RMSE_PER_MAX_ERROR * (target.max_error or 0.0)
-    if blocks < len(job.sample):
-        return job.sample, job.gaps
-    if build_coreset(job.sample, size=blocks).rmse > _DENSE_SHARE * bound:
-        return job.sample, job.gaps
-    return reduce_to_coreset(job.sample, job.gaps, blocks)
+    if blocks < len(sample):
+        return sample, job.gaps
+    if build_coreset(sample, size=blocks).rmse > _DENSE_SHARE * bound:
+        return sample, job.gaps
+    return reduce_to_coreset(sample, job.gaps, blocks)

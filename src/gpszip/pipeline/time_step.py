@@ -52,7 +52,7 @@ def with_best_time_step(
     Parameters
     ----------
     log : Log
-        With times.
+        Shapes get the times of ``base``.
     base : BaseMap
         As it was learned.
     batches : sequence of sequences of Slice

@@ -4,13 +4,44 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.model import GridWalk, GridWalks, Track, Walk
 
-__all__ = ["assign_times_by_distance", "drop_time_steps", "shape_error", "with_synthetic_times"]
+__all__ = [
+    "SyntheticTimes",
+    "assign_times_by_distance",
+    "drop_time_steps",
+    "shape_error",
+    "shape_slice_error",
+    "synthetic_times",
+    "with_synthetic_times",
+]
+
+
+class SyntheticTimes(NamedTuple):
+    """Times for shapes, which all move at one speed.
+
+    Parameters
+    ----------
+    start : float
+        Seconds at which each shape starts.
+    speed : float
+        Metres per second.
+    """
+
+    start: float = 0.0
+    speed: float = 1.0
+
+    def assign_to(self, track: Track) -> Track:
+        """Return a shape, or a slice of one, with times; a track with times as it is."""
+        if track.timed:
+            return track
+        # The "times" of a shape are distances from its start.
+        return replace(track, times=self.start + track.times / self.speed, timed=True)
 
 
 def with_synthetic_times(
@@ -42,7 +73,12 @@ def with_synthetic_times(
     # Without shapes, nothing has to change.
     if all(track.timed for track in tracks):
         return tuple(tracks)
+    times = synthetic_times(tracks, gaps)
+    return tuple(times.assign_to(track) for track in tracks)
 
+
+def synthetic_times(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> SyntheticTimes:
+    """Find the start and the speed that shapes get; see :func:`with_synthetic_times`."""
     # Add up distance and duration of all moving steps.
     distance, duration = 0.0, 0.0
     for track, gap in zip(tracks, gaps, strict=True):
@@ -53,14 +89,10 @@ def with_synthetic_times(
         distance += float(length[moved].sum())
         duration += float(np.diff(track.times)[moved].sum())
 
-    # Shapes start with the earliest track, even if it is parked. The "times" of a shape are
-    # distances from its start.
+    # Shapes start with the earliest track, even if it is parked.
     start = min((float(track.times[0]) for track in tracks if track.timed), default=0.0)
     speed = distance / duration if distance > 0 and duration > 0 else 1.0
-    return tuple(
-        track if track.timed else replace(track, times=start + track.times / speed, timed=True)
-        for track in tracks
-    )
+    return SyntheticTimes(start, speed)
 
 
 def shape_error(samples: NDArray[np.float64], knots: NDArray[np.float64]) -> tuple[float, float]:
@@ -86,20 +118,59 @@ def shape_error(samples: NDArray[np.float64], knots: NDArray[np.float64]) -> tup
     >>> shape_error(np.array([[0.0, 0.0], [9.0, 0.0]]), np.array([[0.0, 3.0], [9.0, 3.0]]))
     (9.0, 3.0)
     """
-    # Difference of the positions at the vertices of both lines.
     sample_fractions, knot_fractions = _distance_fractions(samples), _distance_fractions(knots)
-    fractions = np.unique(np.concatenate([sample_fractions, knot_fractions]))
-    difference = _interpolate_at(fractions, sample_fractions, samples) - _interpolate_at(
-        fractions, knot_fractions, knots
-    )
+    vertices = np.unique(np.concatenate([sample_fractions, knot_fractions]))
+    return _error_between(vertices, (sample_fractions, samples), (knot_fractions, knots))
+
+
+def shape_slice_error(track: Track, walk: Walk, nodes: NDArray[np.float64]) -> tuple[float, float]:
+    """Compare a slice of a shape with its walk, as :func:`shape_error` compares all of both.
+
+    Parameters
+    ----------
+    track : Track
+        Samples of the shape; its "times" are distances from the start of the whole shape.
+    walk : Walk
+        Knots about these samples. Their times are in proportion to the length of the whole walk,
+        from 0 to the length of the whole shape; see :func:`assign_times_by_distance`.
+    nodes : float64 array, shape (V, d)
+        Positions of the nodes in metres.
+
+    Returns
+    -------
+    (float, float)
+        Mean square over the length of the slice in square metres, and the largest distance.
+
+    Examples
+    --------
+    >>> walk = Walk("a", np.array([0, 1], np.int32), np.array([0.0, 9.0]), np.array([False]))
+    >>> slice = Track("a", [3.0, 9.0], [[3.0, 1.0], [9.0, 1.0]], timed=False)
+    >>> shape_slice_error(slice, walk, np.array([[0.0, 0.0], [9.0, 0.0]]))
+    (1.0, 1.0)
+    """
+    assert walk.times is not None
+    first, last = track.times[[0, -1]]
+    inside = walk.times[(walk.times > first) & (walk.times < last)]
+    vertices = np.unique(np.concatenate([track.times, inside]))
+    return _error_between(vertices, (track.times, track.positions), (walk.times, nodes[walk.nodes]))
+
+
+def _error_between(
+    vertices: NDArray[np.float64],
+    line: tuple[NDArray[np.float64], NDArray[np.float64]],
+    other: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> tuple[float, float]:
+    """Mean square and largest distance of two lines, given how far along their vertices are."""
+    # Difference of the positions at the vertices of both lines.
+    difference = _interpolate_at(vertices, *line) - _interpolate_at(vertices, *other)
     square = (difference**2).sum(axis=1)
-    if len(fractions) == 1:
+    if len(vertices) == 1:
         return float(square[0]), float(np.sqrt(square[0]))
 
     # Integrate |D|^2 from vertex to vertex.
     mixed = (difference[1:] * difference[:-1]).sum(axis=1)
-    integral = (np.diff(fractions) * (square[1:] + square[:-1] + mixed)).sum() / 3
-    mean_square = float(integral / (fractions[-1] - fractions[0]))
+    integral = (np.diff(vertices) * (square[1:] + square[:-1] + mixed)).sum() / 3
+    mean_square = float(integral / (vertices[-1] - vertices[0]))
     return mean_square, float(np.sqrt(square.max()))
 
 

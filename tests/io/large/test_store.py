@@ -495,6 +495,44 @@ def test_all_dates_of_a_file_decide_on_the_order_of_day_and_month(tmp_path, monk
         store_logs(late, rows=TINY)
 
 
+@pytest.mark.parametrize("name", ["log.csv", "log.parquet"])
+def test_a_table_without_times_holds_shapes(tmp_path, name):
+    """Of each shape, some points repeat the one before, also where a batch or a block begins."""
+    rng = np.random.default_rng(8)
+    names = rng.choice(["a", "b", "c"], 9000, p=[0.8, 0.19, 0.01])
+    steps = rng.integers(0, 3, (9000, 2)) / 1e4
+    table = {
+        "track_id": names,
+        "lat": 48 + np.cumsum(steps[:, 0]) / 10,
+        "lon": 11 + np.cumsum(steps[:, 1]) / 10,
+        "note": np.arange(9000),
+    }
+    path = tmp_path / name
+    if name == "log.csv":
+        csv(table, path)
+    else:
+        pq.write_table(pa.table(table), path, row_group_size=700)
+    with pytest.raises(InputError, match="--no-times"):
+        store_logs(path, rows=TINY)
+    whole = read_logs(path, times=False, keep=("note",))
+    with store_logs(path, rows=TINY, times=False, keep=("note",)) as log:
+        assert log.plane == whole.tracks[0].plane
+        assert log.read_result.repairs == whole.repairs
+        assert len(whole.repairs) == 2
+        assert [(track.id, track.timed) for track in log.tracks] == [
+            (track.id, False) for track in whole.tracks
+        ]
+        notes = np.concatenate(list(log.columns[0].chunks()))
+        for track, expected in zip(log.tracks, whole.tracks, strict=True):
+            found = log.read(track)
+            assert (len(found), found.timed) == (len(expected), False)
+            assert np.abs(found.positions - expected.positions).max() < 1e-6
+            assert np.abs(found.times - expected.times).max() < 1e-3
+            assert found.times[0] == 0
+            own = notes[track.offset : track.offset + track.count]
+            assert np.array_equal(own, expected.attributes["note"])
+
+
 def test_geojson_leaves_out_the_same_as_in_memory(tmp_path):
     geometry = '{"type":"LineString","coordinates":[[8,50],[8,51]]}'
     line = f'{{"type":"Feature","properties":{{"times":[0,1]}},"geometry":{geometry}}}'

@@ -112,6 +112,36 @@ def test_a_track_whose_clock_stands_still_is_refused_or_left_out(path):
     assert (reading.losses, len(reading.left_out), reading.complete) == ((), 1, False)
 
 
+@pytest.mark.parametrize("order", ["ab", "ba"])
+def test_rows_of_tracks_left_out_count_alike_in_any_order(path, order):
+    rows = {
+        "a": [f"a,{number},{number},0" for number in range(2)],
+        "b": [f"b,5,{number},0" for number in range(3)],
+    }
+    text = text_of([row for name in order for row in rows[name]], "id,t,x,y")
+    reading = read_in_both_forms(text, path, skip_bad=True)
+    assert (reading.points, reading.lost, reading.kept) == (5, 3, 2)
+    assert [(repair.what, repair.count) for repair in reading.repairs] == [
+        ("points of track 'b' left out", 3)
+    ]
+
+
+@pytest.mark.parametrize("positions", ["122", "121", "112", "222", "1222221"])
+def test_points_at_two_positions_are_no_stopped_clock_in_any_order(path, positions):
+    rows = ["a,0,0,0", "a,1,1,0", *(f"b,5,{x},0" for x in positions)]
+    reading = read_in_both_forms(text_of(rows, "id,t,x,y"), path)
+    assert {track.id: len(track) for track in reading.tracks} == {"a": 2, "b": 1}
+
+
+def test_positions_at_one_time_are_counted_across_batches(path, monkeypatch):
+    monkeypatch.setattr("gpszip.io.logs.csv.BLOCK", 32)
+    rows = ["a,0,0,0", "a,1,1,0", *(f"b,5,{x},0" for x in "1222211112222")]
+    assert len(read_in_both_forms(text_of(rows, "id,t,x,y"), path).tracks) == 2
+    path.write_text(text_of([*rows, "b,5,3,0"], "id,t,x,y"))
+    with pytest.raises(InputError, match="all 14 points of track 'b' have the same time"):
+        store_logs(path, rows=1000)
+
+
 @pytest.mark.parametrize("read", [read_logs, lambda path: store_logs(path, rows=1000)])
 def test_one_point_of_many_is_refused_with_the_causes(path, read):
     path.write_text(text_of(["0,0,0", "1,,0", "2,,0", ",5,5"]))

@@ -1,8 +1,14 @@
+import numpy as np
 import pytest
 
 from gpszip.errors import OutputError
 from gpszip.io.large.store import store_logs
-from gpszip.io.storage.temporary import disk_errors_as_output_errors, scratch_folder
+from gpszip.io.storage.temporary import (
+    disk_errors_as_output_errors,
+    read_numbers,
+    scratch_folder,
+    write_numbers,
+)
 
 
 def test_folder_is_removed_with_its_content(tmp_path, monkeypatch):
@@ -46,3 +52,13 @@ def test_full_disk_is_named(tmp_path, monkeypatch):
 def test_other_errors_pass_through():
     with pytest.raises(KeyError), disk_errors_as_output_errors():
         raise KeyError
+
+
+@pytest.mark.parametrize("shape", [(0,), (0, 3), (3, 0), (2, 3), (4,)])
+def test_numbers_of_any_shape_are_read_back(tmp_path, shape):
+    numbers = np.arange(np.prod(shape), dtype=np.float64).reshape(shape)
+    with (tmp_path / "numbers").open("wb") as file:
+        write_numbers(numbers, file)
+        write_numbers(numbers.T, file)
+    read = read_numbers(tmp_path / "numbers", np.float64, 0, 2 * numbers.size)
+    assert read.tolist() == [*numbers.ravel(), *numbers.T.ravel()]

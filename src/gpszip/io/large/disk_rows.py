@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from gpszip.errors import InputError
 from gpszip.io.large.columns import ColumnEncoder, ColumnKind
 from gpszip.io.large.plane_sample import PlaneSample
 from gpszip.io.large.runs import SortedRuns
@@ -24,7 +23,8 @@ _MIN_BLOCK_ROWS = 10_000
 class DiskRows:
     """A store of rows on disk; see :class:`gpszip.io.logs.rows.RowStore`.
 
-    A stored row is its time, its number in messages, its coordinates and its kept columns.
+    A stored row is its time, its number in messages, its coordinates and its kept columns. The
+    times of a shape number its points.
 
     Parameters
     ----------
@@ -48,19 +48,8 @@ class DiskRows:
         Raises
         ------
         InputError
-            If a track has no times, a column to keep is missing, or there are more distinct texts
-            than fit in memory.
+            If a column to keep is missing, or there are more distinct texts than fit in memory.
         """
-        # Sorting takes times.
-        if raw.untimed:
-            name = raw.ids[min(raw.untimed)] if raw.ids else "0"
-            raise InputError(
-                f"track {name!r} has no times, by which logs larger than memory are sorted",
-                path=raw.name,
-                remedy="leave out --memory, or allow more of it",
-            )
-
-        # Store.
         columns = self.column_encoder.encode(rows.attributes, len(rows), raw.name)
         # Kinds count only once the file is accepted, since a dropped file must not widen them.
         self._file_kinds.add(columns.kinds)

@@ -132,9 +132,10 @@ class SortedRuns:
     def _merge(self, ranges: list[_RunRange]) -> Iterator[Floats]:
         """Merge runs by time.
 
-        Of each run, a head is in memory. Rows up to the earliest end of a head whose run goes on
-        are complete: no later row of any run comes before them. Rows of one time keep the order
-        in which they were added.
+        Of each run, a head is in memory. Rows before the earliest end of a head whose run goes on
+        are complete: no later row of any run comes before them. So are rows at that very time up
+        to the first run whose head ends with it. Rows of later runs at that time have to wait for
+        the rest of this run, so that rows of one time keep the order in which they were added.
         """
         # Divide the rows in memory among the heads of all runs.
         head_rows = max(self.max_rows // len(ranges), 1)
@@ -147,16 +148,19 @@ class SortedRuns:
                     heads[i] = self._read(run_range, read_counts[i], head_rows)
                     read_counts[i] += len(heads[i])
 
-            # Find the time up to which rows are complete.
+            # Find the time up to which rows are complete, and the first run that ends with it.
             open_ends = [
-                head[-1, 0]
-                for head, read_count, run_range in zip(heads, read_counts, ranges, strict=True)
-                if read_count < run_range.row_count and len(head)
+                (float(head[-1, 0]), i)
+                for i, (head, run_range) in enumerate(zip(heads, ranges, strict=True))
+                if len(head) and read_counts[i] < run_range.row_count
             ]
-            limit = min(open_ends, default=np.inf)
+            limit, first_open = min(open_ends, default=(np.inf, len(heads)))
 
             # Yield these rows.
-            cuts = [int(np.searchsorted(head[:, 0], limit, side="right")) for head in heads]
+            cuts = [
+                int(np.searchsorted(head[:, 0], limit, "right" if i <= first_open else "left"))
+                for i, head in enumerate(heads)
+            ]
             block = np.concatenate([head[:cut] for head, cut in zip(heads, cuts, strict=True)])
             heads = [head[cut:] for head, cut in zip(heads, cuts, strict=True)]
             if not len(block):

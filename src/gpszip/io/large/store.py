@@ -28,6 +28,7 @@ from gpszip.io.logs.collect import CollectedLog, collect_log
 from gpszip.io.logs.log_file import Sources, open_log_files, refuse_mismatches
 from gpszip.io.logs.read import ReadOptions, parse_options
 from gpszip.io.logs.rows import Floats
+from gpszip.io.logs.shapes import measure_points, repeated_points_repair
 from gpszip.io.storage.temporary import disk_errors_as_output_errors, scratch_folder, write_numbers
 from gpszip.model import Plane, Track
 from gpszip.model.read_result import ReadResult, Repair
@@ -63,13 +64,13 @@ class StoredTrack:
     count : int
         Number of its rows.
     timed : bool
-        Whether it has times; a stored track always has.
+        Whether it has times. Those of a shape are distances along it in metres.
     """
 
     id: str
     offset: int
     count: int
-    timed: bool = True
+    timed: bool
 
     def __len__(self) -> int:
         return self.count
@@ -118,7 +119,7 @@ class StoredLog:
         """Return the samples ``first`` to ``last - 1`` of a track; by default all."""
         last = track.count if last is None else last
         rows = read_rows(self._path, track.offset + first, last - first, 1 + self.dimension)
-        return Track(track.id, rows[:, 0], rows[:, 1:], plane=self.plane)
+        return Track(track.id, rows[:, 0], rows[:, 1:], plane=self.plane, timed=track.timed)
 
     def times(self, first: int = 0, count: int | None = None) -> Iterator[Floats]:
         """Yield times in chunks; the tracks follow each other.
@@ -190,8 +191,8 @@ def store_logs(
     Raises
     ------
     InputError
-        As for :func:`gpszip.io.logs.read.read_logs`; also if a track has no times, or a file names
-        another coordinate system than those before it.
+        As for :func:`gpszip.io.logs.read.read_logs`; also if a file names another coordinate system
+        than those before it.
     OptionError
         If headings are asked for, or ``sort`` and ``split`` together.
 
@@ -229,10 +230,11 @@ def store_logs(
 
         # Write the samples on the plane.
         plane = (plane or plane_sample.plane()) if log.geographic else None
-        counts, kept_columns = _write_samples(log, blocks, encoder, folder, plane)
+        blocks = _measure_shapes(log, _on_plane(log, blocks, plane), repairs)
+        counts, kept_columns = _write_samples(log, blocks, encoder, folder)
         offsets = np.cumsum(counts) - counts
         tracks = tuple(
-            StoredTrack(track.name, offset, count)
+            StoredTrack(track.name, offset, count, track.timed)
             for track, offset, count in zip(
                 log.tracks, offsets.tolist(), counts.tolist(), strict=True
             )
@@ -298,7 +300,7 @@ def _drop_outliers(
     max_rows: int,
     plane_sample: PlaneSample,
 ) -> _Filtered:
-    """Drop the outliers of each track."""
+    """Drop the outliers of tracks with times."""
     # Speeds are measured on a plane, in metres.
     speed_plane = plane_sample.plane() if log.geographic else None
 
@@ -312,10 +314,13 @@ def _drop_outliers(
             block.add_to(counts)
             width = block.rows.shape[1]
 
-    # Find the outliers of each track.
+    # Find the outliers of each track. They show by their speeds, and shapes have none.
     search = OutlierSearch(path, width, log.dimension, max_rows, speed_plane)
     bounds = list(pairwise([0, *np.cumsum(counts).tolist()]))
-    outliers = [search.find(first, stop - first) for first, stop in bounds]
+    outliers = [
+        search.find(first, stop - first) if track.timed else np.zeros(0, np.int64)
+        for track, (first, stop) in zip(log.tracks, bounds, strict=True)
+    ]
     repairs = [
         Repair("outliers dropped", len(found), f"{track.where}: track {track.name!r}")
         for track, found in zip(log.tracks, outliers, strict=True)
@@ -335,12 +340,57 @@ def _drop_outliers(
     return _Filtered(remaining_blocks(), plane_sample, repairs)
 
 
+def _on_plane(log: CollectedLog, blocks: Iterator[_Block], plane: Plane | None) -> Iterator[_Block]:
+    """Yield blocks with positions in metres."""
+    for block in blocks:
+        if plane is not None:
+            # Latitude and longitude give way to x and y.
+            rows, width = block.rows, 1 + log.dimension
+            rows[:, 1:width] = to_plane(rows[:, 1], rows[:, 2], plane)
+        yield block
+
+
+def _measure_shapes(
+    log: CollectedLog, blocks: Iterator[_Block], repairs: list[Repair]
+) -> Iterator[_Block]:
+    """Yield blocks in which the times of shapes are distances along them.
+
+    Points that repeat the one before are dropped; repairs are added after the last block.
+    """
+    is_shape = np.array([not track.timed for track in log.tracks])
+    dropped = np.zeros(len(log.tracks), np.int64)
+    last: tuple[int, Floats, float] | None = None  # track, position and distance of the last point
+    for tracks, rows in blocks:
+        # Logs without shapes stay as they are.
+        if not is_shape.any():
+            yield _Block(tracks, rows)
+            continue
+
+        # Measure each shape; its first points may be in the block before.
+        moves = np.ones(len(rows), np.bool_)
+        starts = np.flatnonzero(np.diff(tracks, prepend=-1)).tolist()
+        for start, stop in pairwise([*starts, len(rows)]):
+            track = int(tracks[start])
+            if not is_shape[track]:
+                continue
+            positions = rows[start:stop, 1 : 1 + log.dimension]
+            before = last[1:] if last is not None and last[0] == track else None
+            rows[start:stop, 0], moves[start:stop] = measure_points(positions, before)
+            last = track, positions[-1].copy(), float(rows[stop - 1, 0])
+
+        # Drop.
+        np.add.at(dropped, tracks[~moves], 1)
+        yield _Block(tracks, rows) if moves.all() else _Block(tracks[moves], rows[moves])
+
+    repairs += [
+        repeated_points_repair(count, track.where, track.name)
+        for track, count in zip(log.tracks, dropped.tolist(), strict=True)
+        if count
+    ]
+
+
 def _write_samples(
-    log: CollectedLog,
-    blocks: Iterator[_Block],
-    encoder: ColumnEncoder,
-    folder: Path,
-    plane: Plane | None,
+    log: CollectedLog, blocks: Iterator[_Block], encoder: ColumnEncoder, folder: Path
 ) -> tuple[NDArray[np.int64], tuple[StoredColumn, ...]]:
     """Write times and positions to the file ``samples``, and each kept column to its own file.
 
@@ -361,9 +411,6 @@ def _write_samples(
         for block in blocks:
             block.add_to(counts)
             rows = block.rows
-            if plane is not None:
-                # Latitude and longitude give way to x and y, in metres.
-                rows[:, 1:sample_width] = to_plane(rows[:, 1], rows[:, 2], plane)
             write_numbers(rows[:, :sample_width], sample_file)
             for file, values in zip(column_files, rows[:, sample_width:].T, strict=True):
                 write_numbers(values, file)

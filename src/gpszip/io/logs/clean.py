@@ -32,11 +32,19 @@ _MAX_SHOWN_LETTERS = 40
 Rows = NDArray[np.intp]
 
 
-def number_shape_points(raw: RawLog) -> RawLog:
-    """Number the points of tracks without times, so that they stay in the order of travel."""
+def number_shape_points(raw: RawLog, first: int) -> RawLog:
+    """Number the points of tracks without times, so that they stay in the order of travel.
+
+    Parameters
+    ----------
+    raw : RawLog
+        A batch of rows.
+    first : int
+        Number of rows in the batches before.
+    """
     if not raw.untimed:
         return raw
-    order = np.arange(len(raw.times), dtype=np.float64)
+    order = np.arange(first, first + len(raw.times), dtype=np.float64)
     codes = np.zeros(len(order), np.int64) if raw.codes is None else raw.codes
     in_shape = np.isin(codes, list(raw.untimed))
     return replace(raw, times=np.where(in_shape, order, raw.times))

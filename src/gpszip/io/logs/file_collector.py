@@ -25,7 +25,6 @@ from gpszip.io.logs.log_file import LogFile
 from gpszip.io.logs.log_format import CoordinateKind
 from gpszip.io.logs.losses import (
     MAX_TINY_LOG_POINTS,
-    MIN_STOPPED_POSITIONS,
     loss_if_large,
     nearly_lost_error,
     stopped_clock_error,
@@ -137,8 +136,8 @@ class FileCollector:
             If time goes back, and points are neither sorted nor tracks split.
         """
         # Find the rows that can be used.
+        raw = number_shape_points(raw, self.rows)
         self._describe(raw)
-        raw = number_shape_points(raw)
         names = self.tracks.index_names(raw)
         rows = find_usable_rows(raw, self._globe, self.repairs, clean=self._options.clean)
         self._note_readable(raw, rows)
@@ -249,7 +248,7 @@ class FileCollector:
     def _leave_out_stopped_tracks(self) -> None:
         """Refuse tracks whose points all have the same time, or leave them out."""
         # Describe each of them.
-        tracks = self.tracks.stopped_tracks(MIN_STOPPED_POSITIONS)
+        tracks = self.tracks.stopped_tracks()
         errors = []
         for track in tracks:
             name = self.tracks.names[track["name"]] or ""

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.io.logs.losses import MIN_STOPPED_POSITIONS
 from gpszip.io.logs.raw import RawLog, unused_name
 from gpszip.io.logs.rows import Codes, Flags, Floats
 
@@ -96,6 +97,9 @@ class FileTracks:
         self._present = np.zeros(0, np.int32)  # the track that each name stands for at the last row
         self._tracks = np.full(_INITIAL_CAPACITY, _NEW_TRACK)
         self._first_positions = np.zeros((_INITIAL_CAPACITY, 0))
+        # Of tracks with one time so far, a few positions that differ from the first one and from
+        # each other.
+        self._other_positions: dict[int, list[Floats]] = {}
 
     @property
     def next_code(self) -> int:
@@ -202,10 +206,22 @@ class FileTracks:
 
         # Positions are compared only while all rows of a track have one time.
         for i in np.flatnonzero(tracks["first_time"] == tracks["last_time"]).tolist():
-            moved = coordinates[starts[i] : stops[i]] != self._first_positions[own[i]]
-            tracks["elsewhere"][i] += int(moved.any(axis=1).sum())
+            rows = coordinates[starts[i] : stops[i]]
+            rows = rows[_are_away_from(self._first_positions[own[i]], rows)]
+            tracks["elsewhere"][i] += len(rows)
+            if len(rows):
+                self._note_positions(int(own[i]), rows)
         # Indexing by an array made a copy of these tracks.
         self._tracks[own] = tracks
+
+    def _note_positions(self, track: int, rows: Floats) -> None:
+        """Note positions that differ, as many as show that the clock of a track stood still."""
+        known = self._other_positions.setdefault(track, [])
+        for position in known:
+            rows = rows[_are_away_from(position, rows)]
+        while len(rows) and len(known) < MIN_STOPPED_POSITIONS - 1:
+            known.append(rows[0].copy())
+            rows = rows[_are_away_from(rows[0], rows)]
 
     def _add_tracks(self, names: NDArray[np.int32]) -> Codes:
         """Add a track for each of some names, and return their numbers."""
@@ -221,13 +237,10 @@ class FileTracks:
 
     # Results
 
-    def stopped_tracks(self, min_positions: int) -> NDArray[np.void]:
-        """Return the tracks with at least so many different positions, but one time.
+    def stopped_tracks(self) -> NDArray[np.void]:
+        """Return the tracks with one time, but at least three different positions.
 
-        Parameters
-        ----------
-        min_positions : int
-            Points at one position count once.
+        Points at one position count once, in whatever order they come.
 
         Returns
         -------
@@ -235,9 +248,10 @@ class FileTracks:
             With fields ``name``, ``rows`` and ``first_time``, in the order of names.
         """
         tracks = self.tracks
-        stopped = tracks["first_time"] == tracks["last_time"]
-        # The rows at the first position count once, each row elsewhere for itself.
-        stopped &= tracks["elsewhere"] + 1 >= min_positions
+        stopped = np.zeros(len(tracks), np.bool_)
+        for track, others in self._other_positions.items():
+            stopped[track] = len(others) + 1 >= MIN_STOPPED_POSITIONS
+        stopped &= tracks["first_time"] == tracks["last_time"]
         # Where time goes back and splits a name into tracks, the clock runs.
         is_whole = np.bincount(tracks["name"], minlength=len(self.names)) == 1
         found = tracks[stopped & is_whole[tracks["name"]]]
@@ -291,6 +305,12 @@ class FileTracks:
             timed = index not in self.untimed
             named.append(NamedTrack(self.first_code + code, name, first_time, last_time, timed))
         return named
+
+
+def _are_away_from(position: Floats, rows: Floats) -> Flags:
+    """Return which rows are at another position."""
+    away: Flags = (rows != position).any(axis=1)
+    return away
 
 
 def _number_repeats(names: Iterable[str]) -> Iterable[tuple[str, int]]:

@@ -35,7 +35,8 @@ class MemoryRows:
 
     def sorted_rows(self, codes: Sequence[int]) -> Iterator[LogRows]:
         """Yield the rows of each file, sorted by track and time; forget each file with that."""
-        is_wanted = np.zeros(max(codes) + 1, np.bool_)
+        # The last entry stands for all codes above those that are wanted.
+        is_wanted = np.zeros(max(codes) + 2, np.bool_)
         is_wanted[list(codes)] = True
         # Files are popped, the first one first, so that rows that were yielded aren't kept here.
         self._files.reverse()

@@ -22,6 +22,7 @@ from gpszip.io.logs.log_file import Sources, open_log_files
 from gpszip.io.logs.memory_rows import MemoryRows
 from gpszip.io.logs.raw import Request
 from gpszip.io.logs.rows import Floats, LogRows
+from gpszip.io.logs.shapes import measure_points, repeated_points_repair
 from gpszip.io.tables.roles import parse_columns
 from gpszip.model import Plane, Track
 from gpszip.model.read_result import ReadResult, Repair
@@ -252,16 +253,12 @@ def _build_track(
         return Track(track.name, track.times, positions, attributes=track.attributes, plane=plane)
 
     # Drop points that repeat the one before.
-    steps = np.sqrt((np.diff(positions, axis=0) ** 2).sum(axis=1))
-    distance = np.append(0.0, np.cumsum(steps))
-    moves = np.append(True, np.diff(distance) > 0)
+    distances, moves = measure_points(positions)
     if not moves.all():
-        what = "points that repeat the one before, of a track without times, dropped"
-        where = f"{track.where}: track {track.name!r}"
-        repairs.append(Repair(what, int((~moves).sum()), where))
+        repairs.append(repeated_points_repair(int((~moves).sum()), track.where, track.name))
     return Track(
         track.name,
-        distance[moves],
+        distances[moves],
         positions[moves],
         attributes=track.take(moves).attributes,
         plane=plane,

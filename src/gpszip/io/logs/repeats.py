@@ -81,7 +81,8 @@ class RepeatedRows:
     first_same, first_other : float64 array, shape (k,)
         Number of the first of these rows in messages; infinite if there is none.
     shared : int64 array, shape (k,)
-        Most positions of a track at one time; 0 if each time has one.
+        Most rows of a track at one time, of which those at the position of the first one count
+        once; 0 if no time has rows at two positions.
     in_two_files : int64 array, shape (k,)
         Rows at the time at which an earlier file's rows of the same track end: at most 1.
     """

@@ -149,8 +149,10 @@ def _find_date_order(reader: TableReader, table: Any, request: Request) -> str |
     names, roles = reader.column_names, reader.roles
     # Most files need no second reading: the order is stated, or no date has three numbers.
     stated = find_date_order(names, roles, request)
-    if stated is not None or not _possible_date_orders(reader, table, request).first:
+    if stated is not None or not roles.time:
         return stated
+    if not _possible_date_orders(reader, table, request).first:
+        return None
     tables = reader.read_as_text()
     orders = reduce(or_, (_possible_date_orders(reader, table, request) for table in tables))
     return orders.decide(reader.name, f"column {names[roles.time[-1]]!r}")

@@ -357,15 +357,28 @@ def _combine_speeds(columns: Mapping[str, Any], typical_speeds: Floats) -> Float
     speeds = typical_speeds
     if "limit" in columns:
         limits = map_distinct(columns["limit"].to_pylist(), parse_speed_limit, np.float64)
-        pairs, index = np.unique(
-            np.stack((limits, typical_speeds), axis=1), axis=0, return_inverse=True
-        )
-        speeds = np.array([expected_speed(*pair) for pair in pairs.tolist()])[index.ravel()]
+        speeds = _expected_speeds(limits, typical_speeds)
     for role, unit in _SPEED_ROLES.items():
         if role in columns:
             stated = columns[role].to_numpy() * unit
             speeds = np.where((stated > 0) & (stated < MAX_ROAD_SPEED), stated, speeds)
     return speeds
+
+
+def _expected_speeds(limits: Floats, typical_speeds: Floats) -> Floats:
+    """Apply the rule for speeds once to each pair of a limit and a typical speed."""
+    # Number both columns by themselves: of one column, np.unique merges all NaN, but no rows that
+    # hold NaN.
+    of_limits, limit = np.unique(limits, return_inverse=True)
+    of_classes, road_class = np.unique(typical_speeds, return_inverse=True)
+    pairs, index = np.unique(limit * len(of_classes) + road_class, return_inverse=True)
+
+    # Apply the rule.
+    of_pairs = [
+        expected_speed(float(of_limits[i]), float(of_classes[j]))
+        for i, j in zip(*np.divmod(pairs, max(len(of_classes), 1)), strict=True)
+    ]
+    return np.array(of_pairs, np.float64)[index]
 
 
 def _to_log_coordinates(

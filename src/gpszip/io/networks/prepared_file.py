@@ -72,7 +72,7 @@ _ROADS_IN_BLOCK = 2048
 #: Degrees are stored as multiples of 1e-7, about a centimetre.
 _UNITS_PER_DEGREE = 1e7
 
-#: Blocks start at multiples of this many bytes.
+#: The length of a block is a multiple of this many bytes; its start need not be.
 _ALIGNMENT = 8
 
 #: Cells along each axis of the curve that orders roads.

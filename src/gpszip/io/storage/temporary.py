@@ -89,8 +89,10 @@ def write_numbers(numbers: NDArray[Any], file: BinaryIO) -> None:
     file : binary file
         Open for writing.
     """
-    # The file takes the numbers as bytes, which only a contiguous array has in one piece.
-    file.write(np.ascontiguousarray(numbers).data.cast("B"))
+    # The file takes the numbers as bytes, which only a contiguous array has in one piece. The
+    # memory of an empty array can't always be viewed as bytes.
+    if numbers.size:
+        file.write(np.ascontiguousarray(numbers).data.cast("B"))
 
 
 def read_numbers(path: Path, kind: type[Number], first: int, count: int) -> NDArray[Number]:

@@ -196,7 +196,7 @@ def _unwrap_column(column: Any, name: str, where: str) -> Any:
 def find_date_order(names: Sequence[str], roles: Roles, request: Request) -> str | None:
     """Order of day, month and year, given by the user or else by the column's name, if at all.
 
-    A column ``Date (DD/MM/YYYY)`` has the order ``dmy``.
+    A column ``Date (DD/MM/YYYY)`` has the order ``dmy``. A table without times has none.
 
     Raises
     ------
@@ -209,6 +209,9 @@ def find_date_order(names: Sequence[str], roles: Roles, request: Request) -> str
                 f"order of dates {request.dates!r} is not one of {', '.join(DATE_ORDERS)}"
             )
         return request.dates
+
+    if not roles.time:
+        return None
 
     # The first letters of DD, MM and YYYY make `dmy`. Of two columns,
     # the first one is that of dates.
