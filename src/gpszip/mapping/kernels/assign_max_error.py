@@ -26,8 +26,17 @@ _MAX_LINE_BITS = 45.0
 _MIN_SPAN = 1e-9
 
 
-def build_directions(dimension: int) -> tuple[NDArray[np.float64], float]:
+def build_directions(
+    dimension: int, count: int = _DIRECTIONS
+) -> tuple[NDArray[np.float64], float]:
     """Directions whose strips enclose a ball.
+
+    Parameters
+    ----------
+    dimension : int
+        Dimension d.
+    count : int, default 16
+        Number of directions in the plane; in other dimensions, they are the axes.
 
     Returns
     -------
@@ -37,9 +46,9 @@ def build_directions(dimension: int) -> tuple[NDArray[np.float64], float]:
         Share of a radius at which the corners of the strips' intersection are within the ball.
     """
     if dimension == 2:
-        angle = np.arange(_DIRECTIONS) * (np.pi / _DIRECTIONS)
+        angle = np.arange(count) * (np.pi / count)
         directions = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        return directions, float(np.cos(np.pi / (2 * _DIRECTIONS)))
+        return directions, float(np.cos(np.pi / (2 * count)))
     return np.eye(dimension), dimension**-0.5
 
 
