@@ -105,14 +105,10 @@ _MAX_EXPONENT = 50.0
 #: Relative distance to the target at which an outcome that may miss it is near enough.
 _NEAR = 0.06
 
-#: Rounds in which knots are assigned along segments that keep the maximum.
-_MAX_ERROR_ROUNDS = 4
-#: Samples up to which all are limited in these rounds: of a million with 31 between two slots, a
-#: quarter does as well, in a third of the time.
-_MAX_ALL_LIMITED = 200_000
-#: Samples between two slots up to which all are limited on a larger log, too.
+#: Samples between two slots up to which a maximum limits all: of a million samples with 31 between
+#: two slots, the quarter farthest out does as well as all, in a third of the time.
 _FEW_SAMPLES = 8
-#: Directions in the plane in which others are, where they lie farthest out.
+#: Directions in the plane in which samples are farthest out.
 _EXTREME_DIRECTIONS = 4
 #: Rounds on all slots after those on the sparse ones.
 _DENSE_ROUNDS = 5
@@ -271,7 +267,7 @@ def fit(
     control = _PriceControl(plan, prices.error, _choose_slack(plan, sparse_grid))
     weights = np.ones(len(time_grid.times))
     for turn in range(plan.rounds + plan.extra_rounds):
-        if turn >= plan.rounds and (control.is_near() or best.is_used_up()):
+        if turn >= plan.rounds and (control.is_near() or best.is_enough(turn)):
             break
         if sparse_grid is not None and turn >= plan.rounds - _DENSE_ROUNDS:
             slot_nodes, current_grid = _restore_slots(
@@ -367,6 +363,13 @@ class _BestOutcome:
         if self.waiting is None:
             return work()
         return _run_concurrently(local_executor(executor), self.encode, work)
+
+    def is_enough(self, turn: int) -> bool:
+        """Whether the best outcome uses up the error allowed, or was sought for long enough."""
+        if self.plan.enough_rounds is not None and turn >= self.plan.enough_rounds:
+            self.encode()
+            return self.outcome is not None
+        return self.is_used_up()
 
     def is_used_up(self) -> bool:
         """Whether the best outcome uses up the error allowed."""
@@ -507,10 +510,13 @@ def _enforce_max_error(
     best, _, _ = measure_and_encode(time_grid, slot_nodes, positions, tracks, plan, prior)
 
     # Where the maximum is kept, squared error costs nothing.
-    prices = prices._replace(error=0.0)
+    beam = np.inf if plan.limits_all else plan.beam
+    prices = prices._replace(error=0.0, beam=beam)
     maximum = plan.maximum or 0.0
-    is_limited = _choose_limited_samples(time_grid)
-    for turn in range(_MAX_ERROR_ROUNDS):
+    is_limited = np.ones(len(time_grid.times), np.bool_)
+    if not plan.limits_all:
+        is_limited = _find_extreme_samples(time_grid)
+    for turn in range(plan.max_error_rounds):
         slot_nodes, positions = assign_knots(
             select_samples(rounded_grid, is_limited),
             slot_nodes,
@@ -525,7 +531,7 @@ def _enforce_max_error(
         outcome, bit_statistics, errors = measure_and_encode(
             time_grid, slot_nodes, positions, tracks, plan, prior
         )
-        prices = estimate_prices(bit_statistics, 0.0, len(outcome.walks.nodes))
+        prices = estimate_prices(bit_statistics, 0.0, len(outcome.walks.nodes), beam)
         best = outcome if outcome.cost < best.cost else best
 
         # Samples that miss the maximum are limited from the next round on.
@@ -533,12 +539,9 @@ def _enforce_max_error(
     return best
 
 
-def _choose_limited_samples(time_grid: TimeGrid) -> NDArray[np.bool_]:
-    """Mark the samples that are to keep a maximum: all, or on a large log those farthest out."""
-    samples = len(time_grid.times)
-    if samples <= _MAX_ALL_LIMITED:
-        return np.ones(samples, np.bool_)
-    is_limited = np.zeros(samples, np.bool_)
+def _find_extreme_samples(time_grid: TimeGrid) -> NDArray[np.bool_]:
+    """Mark the samples that lie farthest out between each two slots."""
+    is_extreme = np.zeros(len(time_grid.times), np.bool_)
     directions, _ = build_directions(time_grid.positions.shape[1], _EXTREME_DIRECTIONS)
     mark_extreme_samples(
         time_grid.times,
@@ -546,9 +549,9 @@ def _choose_limited_samples(time_grid: TimeGrid) -> NDArray[np.bool_]:
         time_grid.ends,
         directions,
         _FEW_SAMPLES,
-        is_limited,
+        is_extreme,
     )
-    return is_limited
+    return is_extreme
 
 
 def _is_better(outcome: Outcome, best: Outcome | None, plan: Plan, samples: int) -> bool:

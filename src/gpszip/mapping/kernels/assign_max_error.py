@@ -26,9 +26,7 @@ _MAX_LINE_BITS = 45.0
 _MIN_SPAN = 1e-9
 
 
-def build_directions(
-    dimension: int, count: int = _DIRECTIONS
-) -> tuple[NDArray[np.float64], float]:
+def build_directions(dimension: int, count: int = _DIRECTIONS) -> tuple[NDArray[np.float64], float]:
     """Directions whose strips enclose a ball.
 
     Parameters
@@ -101,10 +99,10 @@ def _intersect_velocities(
             high[m] = most if most < high[m] else high[m]
 
     # Velocities remain where no range is empty.
+    is_empty = False
     for m in range(len(along)):
-        if low[m] > high[m]:
-            return False
-    return True
+        is_empty |= low[m] > high[m]
+    return not is_empty
 
 
 @inlined
@@ -150,6 +148,7 @@ def fill_table_within_max_error(
     move_price: float,
     stay_price: float,
     error_price: float = 0.0,
+    beam: float = np.inf,
 ) -> None:
     """Fill a table from its first row on, along segments within ``grid_arrays.max_distance``.
 
@@ -160,7 +159,8 @@ def fill_table_within_max_error(
 
     A step costs ``stay_price`` if it stays at its node, else ``move_price`` and the bits in the
     table. E is the squared error of the segment's samples. The minimum is over those (o, k) from
-    which an allowed velocity leads to (r, c).
+    which an allowed velocity leads to (r, c), and that cost at most ``beam`` bits more than the
+    cheapest candidate of their slot.
     """
     candidates, counts, positions, numbers = dp_table[:4]
     step_bits, arrivals, best, parent_rows, parent_choices = dp_table[4:]
@@ -181,9 +181,12 @@ def fill_table_within_max_error(
     # Open a cone of velocities at each candidate that a path reaches.
     for origin in range(rows - 1):
         a = first + origin
+        limit = np.inf
+        for o in range(counts[origin]):
+            limit = min(limit, best[origin, o] + beam)
         for o in range(counts[origin]):
             reached = best[origin, o]
-            if reached == np.inf:
+            if reached == np.inf or reached > limit:
                 continue
             _open_cone(directions, positions[origin, o], along, low, high)
             start = time_steps[a]
@@ -227,10 +230,10 @@ def fill_table_within_max_error(
                     line_bits = error_price * best_line_cost(w, u1, u2, q, m, n)
                     if line_bits > _MAX_LINE_BITS:
                         break
-                    limit = -np.inf
+                    gain = -np.inf
                     for c in range(counts[row]):
-                        limit = max(limit, best[row, c] - arrivals[row, c])
-                    if reached + line_bits >= limit:
+                        gain = max(gain, best[row, c] - arrivals[row, c])
+                    if reached + line_bits >= gain:
                         continue
 
                 # Relax the candidates of this slot that the cone reaches.

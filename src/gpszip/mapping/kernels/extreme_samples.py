@@ -59,9 +59,7 @@ def mark_extreme_samples(
             share = (times[i] - times[first]) * rate
             for axis in range(dimension):
                 start = positions[first, axis]
-                offset[axis] = (
-                    positions[i, axis] - start - share * (positions[last, axis] - start)
-                )
+                offset[axis] = positions[i, axis] - start - share * (positions[last, axis] - start)
             for m in range(fan):
                 along = 0.0
                 for axis in range(dimension):
