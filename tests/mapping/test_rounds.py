@@ -3,7 +3,7 @@ import pytest
 
 from gpszip.codec.walks import decode, encode
 from gpszip.mapping.initial_map import walks_of
-from gpszip.mapping.plan import Plan
+from gpszip.mapping.plan import Plan, is_dense
 from gpszip.mapping.rounds import Outcome, estimate_prices, fit, start_from
 from gpszip.mapping.time_grid import build_time_grid
 from gpszip.model import QuantisationGrid, Track, Walk
@@ -135,6 +135,30 @@ def test_rounds_under_a_maximum_begin_with_the_walks_of_others(track):
     again = fit(time_grid, 1, plan, start=start)
     assert again.misses <= outcome.misses == 0
     assert errors(track, again.walks).max() <= 2.3
+
+
+def test_few_rounds_on_a_dense_log_count_all_samples_beyond_the_maximum(track):
+    # About 25 samples for each slot, most of which are limited only where they miss the maximum.
+    time_grid = build_slots(track)
+    assert is_dense(len(time_grid.times), len(time_grid.time_steps))
+    plan = Plan(target=0.9, rounds=6, maximum=2.3)
+    outcome = fit(time_grid, 1, plan.hurried())
+    too_far = track.times[errors(track, outcome.walks) > 2.3]
+    knot_times = outcome.walks.walks[0].time_steps * step_size(GRID.time)
+    missed = np.unique(np.searchsorted(knot_times, too_far, side="right"))
+    assert outcome.misses == len(missed) <= 2
+    assert outcome.cost < 1.3 * fit(time_grid, 1, plan).cost
+
+
+def test_few_rounds_on_a_dense_log_keep_the_target(track):
+    plan = Plan(target=0.7)
+    outcome = fit(build_slots(track), 1, plan.hurried())
+    assert outcome.error <= 0.7
+    assert outcome.size < 1.3 * fit(build_slots(track), 1, plan).size
+
+
+def test_a_log_with_a_slot_for_each_sample_is_not_dense():
+    assert not is_dense(100, 100)
 
 
 def test_the_slope_of_the_cost_is_the_price(track):

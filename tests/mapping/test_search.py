@@ -67,6 +67,22 @@ def test_the_executor_does_not_change_the_bytes(town, effort, executors):
     assert len({(grid, encode(grid_walks)) for grid, grid_walks in results}) == 1
 
 
+@pytest.mark.parametrize("bound", [{"rmse": 0.3}, {"max_error": 0.6}], ids=["rmse", "maximum"])
+def test_a_dense_log_is_learned_in_few_rounds(bound):
+    # More samples than a subsample has, and several for each slot.
+    track = patrol(14_000, seed=5)
+    grid, grid_walks = learn_map([track], no_gaps([track]), **bound, effort=1)
+    errors = measured([track], grid, grid_walks)
+    assert errors.uncovered == 0
+    assert errors.rmse <= bound.get("rmse", np.inf)
+    assert errors.max_error <= bound.get("max_error", np.inf)
+    again = learn_map([track], no_gaps([track]), **bound, effort=1, executor=Threads(3))
+    assert encode(again[1]) == encode(grid_walks)
+    assert len(encode(grid_walks)) < 1.15 * len(
+        encode(learn_map([track], no_gaps([track]), **bound, effort=2)[1])
+    )
+
+
 @pytest.mark.parametrize("shift", [(1e9, 1e7), (0.0, -3e6)])
 def test_a_shifted_log_gives_the_same_walks(town, shift):
     grid, grid_walks = learn_map(town, no_gaps(town), rmse=6.0, effort=1)

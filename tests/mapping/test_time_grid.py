@@ -10,6 +10,7 @@ from gpszip.mapping.time_grid import (
     mask_near_knots,
     place_walks,
     reweight_samples,
+    select_samples,
     select_slots,
     sparsify,
     transfer_knots,
@@ -245,6 +246,30 @@ def test_weights_multiply_the_sums(log):
     np.testing.assert_array_equal(
         reweight_samples(time_grid, np.full(time_grid.samples, 3)).sums, 3 * time_grid.sums
     )
+
+
+@given(logs(), st.integers(0, 2**32 - 1))
+@settings(max_examples=50)
+def test_a_heavier_sample_counts_as_often_as_it_weighs(log, seed):
+    time_grid = build_time_grid(*log)
+    weights = np.random.default_rng(seed).integers(1, 4, len(time_grid.times))
+    counts = np.diff(reweight_samples(time_grid, weights).sums[:, 0], prepend=0)
+    slots = zip(np.append(0, time_grid.ends[:-1]), time_grid.ends, strict=True)
+    np.testing.assert_array_equal(counts, [weights[first:after].sum() for first, after in slots])
+
+
+@given(logs(), st.integers(0, 2**32 - 1))
+@settings(max_examples=50)
+def test_samples_that_are_kept_stay_between_their_slots(log, seed):
+    time_grid = build_time_grid(*log)
+    keep = np.random.default_rng(seed).random(len(time_grid.times)) < 0.4
+    kept = select_samples(time_grid, keep)
+    slots = np.searchsorted(time_grid.ends, np.flatnonzero(keep), side="right")
+    np.testing.assert_array_equal(
+        np.searchsorted(kept.ends, np.arange(len(kept.times)), side="right"), slots
+    )
+    np.testing.assert_array_equal(kept.times, time_grid.times[keep])
+    np.testing.assert_array_equal(kept.sample_positions, time_grid.sample_positions[keep])
 
 
 @given(logs(), st.integers(0, 3), st.integers(0, 2**32 - 1))

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from gpszip.codec.numbering import number_by_visit
 from gpszip.model import GridWalk, GridWalks, QuantisationGrid, Track, Walk
 from gpszip.model.grid import step_size
-from gpszip.walks.error import positions_at, synchronised_errors
+from gpszip.walks.error import TIME_SLACK, positions_at, synchronised_errors
 from gpszip.walks.quantised import knot_times
 
 __all__ = ["enforce_max_error"]
@@ -37,6 +37,9 @@ _SHIFTED_SHARE = 0.9
 
 #: Rounds without another knot after which a walk that still misses is given up.
 _MAX_STALE_ROUNDS = 24
+
+#: Segments on either side of one that misses the maximum that its changes may concern.
+_SEGMENTS_BESIDE = 2
 
 #: Rounds after which a walk that still misses is given up.
 _MAX_ROUNDS = 400
@@ -125,6 +128,41 @@ def _enforce_on_walk(
     track: Track, walk: GridWalk, nodes: NDArray[np.int64], grid: QuantisationGrid, max_error: float
 ) -> tuple[GridWalk, NDArray[np.int64], bool]:
     """Changed walk and nodes, and whether the maximum is still missed."""
+    # A change moves little of the walk: measure all samples before and after all changes, and only
+    # those about the misses between them.
+    for _ in range(_MAX_ROUNDS):
+        near = _find_samples_near_misses(track, walk, nodes, grid, max_error)
+        if len(near) == 0:
+            return walk, nodes, False
+        part = Track(track.id, track.times[near], track.positions[near])
+        walk, nodes, is_missed = _enforce_on_samples(part, walk, nodes, grid, max_error)
+        if is_missed:
+            break
+    return walk, nodes, True
+
+
+def _find_samples_near_misses(
+    track: Track, walk: GridWalk, nodes: NDArray[np.int64], grid: QuantisationGrid, max_error: float
+) -> NDArray[np.intp]:
+    """The samples of each segment that misses the maximum, and of some to either side."""
+    # Find the segments that miss it.
+    worst = _find_worst_samples(track, walk, nodes, grid, max_error)
+    times = knot_times(walk.time_steps, grid)
+    segment = np.searchsorted(times, track.times[worst], side="right")
+
+    # Mark the samples from some knots before to some knots behind each.
+    first = times[np.clip(segment - 1 - _SEGMENTS_BESIDE, 0, len(times) - 1)]
+    last = times[np.clip(segment + _SEGMENTS_BESIDE, 0, len(times) - 1)]
+    changes = np.zeros(len(track) + 1, np.int64)
+    np.add.at(changes, np.searchsorted(track.times, first - TIME_SLACK), 1)
+    np.add.at(changes, np.searchsorted(track.times, last + TIME_SLACK, side="right"), -1)
+    return np.flatnonzero(np.cumsum(changes[:-1]))
+
+
+def _enforce_on_samples(
+    track: Track, walk: GridWalk, nodes: NDArray[np.int64], grid: QuantisationGrid, max_error: float
+) -> tuple[GridWalk, NDArray[np.int64], bool]:
+    """The same for some of a track's samples."""
     # Find the samples that miss the maximum; give up after some rounds without a new knot.
     stale_rounds = 0
     for turn in range(_MAX_ROUNDS):

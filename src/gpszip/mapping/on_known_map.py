@@ -13,7 +13,13 @@ from gpszip.codec.prior import Prior
 from gpszip.codec.walks import encode
 from gpszip.mapping.local_search import WORK_BY_EFFORT, improve_walks, select_best_outcomes
 from gpszip.mapping.max_error import enforce_max_error
-from gpszip.mapping.plan import LOCAL_MAX_ERROR_AIM, MAX_ERROR_AIM, RMSE_AIM, Plan
+from gpszip.mapping.plan import (
+    LOCAL_MAX_ERROR_AIM,
+    MAX_ERROR_AIM,
+    RMSE_AIM,
+    Plan,
+    is_dense,
+)
 from gpszip.mapping.rounds import Outcome, fit
 from gpszip.mapping.search import RMSE_PER_MAX_ERROR, SLOTS_BY_EFFORT
 from gpszip.mapping.time_grid import build_time_grid, count_slots, sparsify
@@ -52,6 +58,9 @@ _STARTS = tuple(
 #: Largest number of starts, at efforts 1 to 9.
 _MAX_STARTS = (1, 3, 4, 4, 8, 8, 12, 12, 12)
 
+#: Effort at which walks of few rounds do on a dense log.
+_FASTEST_EFFORT = 1
+
 #: Rounds of the only start of a large log.
 _SINGLE_START_ROUNDS = 12
 #: Rounds of each of several starts.
@@ -78,6 +87,8 @@ class _Search:
         Rounds of each search.
     work : int
         Knots that a local search may encode.
+    is_fastest : bool
+        Walks of few rounds do on a dense log.
     inner : Executor, optional
         Spreads the work of one search.
     """
@@ -90,6 +101,7 @@ class _Search:
     max_error: float | None
     rounds: int
     work: int
+    is_fastest: bool
     inner: Executor | None = None
 
     def run(self, start: _Start) -> Outcome | None:
@@ -104,6 +116,8 @@ class _Search:
             maximum=None if self.max_error is None else MAX_ERROR_AIM * self.max_error / unit,
         )
         time_grid = build_time_grid(self.tracks, self.gaps, self.grid)
+        if self.is_fastest and is_dense(len(time_grid.times), len(time_grid.time_steps)):
+            plan = plan.hurried()
         return fit(
             time_grid,
             len(self.tracks),
@@ -253,6 +267,7 @@ def learn_on(
         max_error,
         rounds=_ROUNDS if len(starts) > 1 else _SINGLE_START_ROUNDS,
         work=int(share * WORK_BY_EFFORT[effort - 1]),
+        is_fastest=effort == _FASTEST_EFFORT,
     )
 
     # One start spreads its own work over the executor.

@@ -28,6 +28,8 @@ from gpszip.mapping.initial_map import (
     walks_of,
 )
 from gpszip.mapping.kernels.assign import Prices
+from gpszip.mapping.kernels.assign_max_error import build_directions
+from gpszip.mapping.kernels.extreme_samples import mark_extreme_samples
 from gpszip.mapping.kernels.initial_map import NODE_COUNT, cluster_by_leader, index_nodes
 from gpszip.mapping.kernels.private_chain import find_private_chains
 from gpszip.mapping.placement import merge_nodes, place_nodes, place_on_grid
@@ -37,6 +39,7 @@ from gpszip.mapping.time_grid import (
     mask_near_knots,
     place_walks,
     reweight_samples,
+    select_samples,
     select_slots,
     transfer_knots,
 )
@@ -102,8 +105,11 @@ _MAX_EXPONENT = 50.0
 #: Relative distance to the target at which an outcome that may miss it is near enough.
 _NEAR = 0.06
 
-#: Rounds in which knots are assigned along segments that keep the maximum.
-_MAX_ERROR_ROUNDS = 4
+#: Samples between two slots up to which a maximum limits all: of a million samples with 31 between
+#: two slots, the quarter farthest out does as well as all, in a third of the time.
+_FEW_SAMPLES = 8
+#: Directions in the plane in which samples are farthest out.
+_EXTREME_DIRECTIONS = 4
 #: Rounds on all slots after those on the sparse ones.
 _DENSE_ROUNDS = 5
 #: Rounds at the end whose walks are always encoded.
@@ -261,19 +267,20 @@ def fit(
     control = _PriceControl(plan, prices.error, _choose_slack(plan, sparse_grid))
     weights = np.ones(len(time_grid.times))
     for turn in range(plan.rounds + plan.extra_rounds):
-        if turn >= plan.rounds and (control.is_near() or best.is_used_up()):
+        if turn >= plan.rounds and (control.is_near() or best.is_enough(turn)):
             break
         if sparse_grid is not None and turn >= plan.rounds - _DENSE_ROUNDS:
             slot_nodes, current_grid = _restore_slots(
                 time_grid, sparse_grid, current_grid, slot_nodes
             )
+        weighted_grid = current_grid
         if plan.maximum is not None:
-            current_grid = reweight_samples(current_grid, np.rint(weights).astype(np.int64))
+            weighted_grid = reweight_samples(current_grid, np.rint(weights).astype(np.int64))
 
         # E-step, while the walks of the round before are encoded.
         assign = partial(
             assign_knots,
-            current_grid,
+            weighted_grid,
             slot_nodes,
             positions,
             plan,
@@ -286,7 +293,7 @@ def fit(
 
         # M-step, merge and rounding.
         slot_nodes, positions, layout, segments = _place_and_merge(
-            current_grid, slot_nodes, positions, plan, prices, prior
+            weighted_grid, slot_nodes, positions, plan, prices, prior
         )
 
         # Measure the walks, and encode them now or beside the next E-step.
@@ -356,6 +363,13 @@ class _BestOutcome:
         if self.waiting is None:
             return work()
         return _run_concurrently(local_executor(executor), self.encode, work)
+
+    def is_enough(self, turn: int) -> bool:
+        """Whether the best outcome uses up the error allowed, or was sought for long enough."""
+        if self.plan.enough_rounds is not None and turn >= self.plan.enough_rounds:
+            self.encode()
+            return self.outcome is not None
+        return self.is_used_up()
 
     def is_used_up(self) -> bool:
         """Whether the best outcome uses up the error allowed."""
@@ -496,25 +510,48 @@ def _enforce_max_error(
     best, _, _ = measure_and_encode(time_grid, slot_nodes, positions, tracks, plan, prior)
 
     # Where the maximum is kept, squared error costs nothing.
-    prices = prices._replace(error=0.0)
-    for turn in range(_MAX_ERROR_ROUNDS):
+    beam = np.inf if plan.limits_all else plan.beam
+    prices = prices._replace(error=0.0, beam=beam)
+    maximum = plan.maximum or 0.0
+    is_limited = np.ones(len(time_grid.times), np.bool_)
+    if not plan.limits_all:
+        is_limited = _find_extreme_samples(time_grid)
+    for turn in range(plan.max_error_rounds):
         slot_nodes, positions = assign_knots(
-            rounded_grid,
+            select_samples(rounded_grid, is_limited),
             slot_nodes,
             positions,
             plan,
             prices,
             turn,
-            maximum=plan.maximum or 0.0,
+            maximum=maximum,
             prior=prior,
             executor=executor,
         )
-        outcome, bit_statistics, _ = measure_and_encode(
+        outcome, bit_statistics, errors = measure_and_encode(
             time_grid, slot_nodes, positions, tracks, plan, prior
         )
-        prices = estimate_prices(bit_statistics, 0.0, len(outcome.walks.nodes))
+        prices = estimate_prices(bit_statistics, 0.0, len(outcome.walks.nodes), beam)
         best = outcome if outcome.cost < best.cost else best
+
+        # Samples that miss the maximum are limited from the next round on.
+        is_limited |= errors > maximum
     return best
+
+
+def _find_extreme_samples(time_grid: TimeGrid) -> NDArray[np.bool_]:
+    """Mark the samples that lie farthest out between each two slots."""
+    is_extreme = np.zeros(len(time_grid.times), np.bool_)
+    directions, _ = build_directions(time_grid.positions.shape[1], _EXTREME_DIRECTIONS)
+    mark_extreme_samples(
+        time_grid.times,
+        time_grid.sample_positions,
+        time_grid.ends,
+        directions,
+        _FEW_SAMPLES,
+        is_extreme,
+    )
+    return is_extreme
 
 
 def _is_better(outcome: Outcome, best: Outcome | None, plan: Plan, samples: int) -> bool:

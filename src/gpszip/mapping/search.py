@@ -20,7 +20,13 @@ from gpszip.mapping.local_search import (
     select_best_outcomes,
 )
 from gpszip.mapping.max_error import enforce_max_error
-from gpszip.mapping.plan import LOCAL_MAX_ERROR_AIM, MAX_ERROR_AIM, RMSE_AIM, Plan
+from gpszip.mapping.plan import (
+    LOCAL_MAX_ERROR_AIM,
+    MAX_ERROR_AIM,
+    RMSE_AIM,
+    Plan,
+    is_dense,
+)
 from gpszip.mapping.rounds import Outcome, fit, start_from
 from gpszip.mapping.time_grid import build_time_grid, count_slots, sparsify
 from gpszip.model import GridWalks, QuantisationGrid, Track
@@ -100,6 +106,8 @@ _STEP_FACTORS = (
 #: Leader radii of starts, one after the other.
 _LEADER_RADII = (1.2, 0.0, 2.0, 0.7)
 
+#: Effort at which walks of few rounds do on a dense log.
+_FASTEST_EFFORT = 1
 #: Effort at which the pattern search is thorough.
 _THOROUGH_EFFORT = 9
 
@@ -380,10 +388,15 @@ class _Search:
                 step_size(start.grid.time) / step_size(grid.time),
                 step_size(start.grid.space) / step_size(grid.space),
             )
+        # A dense log takes fewer rounds where speed counts.
+        plan = self.plan(trial, grid, first_walks is not None)
+        is_fastest = self.effort == _FASTEST_EFFORT and not self.is_rough
+        if is_fastest and is_dense(self.samples, len(time_grid.time_steps)):
+            plan = plan.hurried()
         outcome = fit(
             time_grid,
             len(self.tracks),
-            self.plan(trial, grid, first_walks is not None),
+            plan,
             sparse_grid=sparse_grid,
             start=first_walks,
             executor=self.inner,

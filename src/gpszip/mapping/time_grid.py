@@ -19,6 +19,7 @@ __all__ = [
     "count_slots",
     "mask_near_knots",
     "reweight_samples",
+    "select_samples",
     "select_slots",
     "sparsify",
     "transfer_knots",
@@ -257,16 +258,31 @@ def sparsify(time_grid: TimeGrid) -> TimeGrid | None:
 
 
 def reweight_samples(time_grid: TimeGrid, weights: NDArray[np.int64]) -> TimeGrid:
-    """Return the same slots with sums in which each sample counts by a further weight."""
+    """Return the same slots with sums in which each sample counts by a further weight.
+
+    ``time_grid`` has the sums without it.
+    """
+    # Most samples keep their weight: add only what the others weigh more.
+    heavier = np.flatnonzero(weights != 1)
+    added = _sum_samples(
+        time_grid.times[heavier],
+        time_grid.sample_positions[heavier],
+        (weights[heavier] - 1) * time_grid.weights[heavier],
+        np.searchsorted(heavier, time_grid.ends),
+        time_grid.ticks_per_step,
+    )
+    return replace(time_grid, sums=time_grid.sums + added)
+
+
+def select_samples(time_grid: TimeGrid, keep: NDArray[np.bool_]) -> TimeGrid:
+    """Keep some of the samples, for a maximum error; the sums remain those of all samples."""
+    before = np.concatenate([[0], np.cumsum(keep)])
     return replace(
         time_grid,
-        sums=_sum_samples(
-            time_grid.times,
-            time_grid.sample_positions,
-            weights * time_grid.weights,
-            time_grid.ends,
-            time_grid.ticks_per_step,
-        ),
+        ends=before[time_grid.ends],
+        times=time_grid.times[keep],
+        sample_positions=time_grid.sample_positions[keep],
+        weights=time_grid.weights[keep],
     )
 
 

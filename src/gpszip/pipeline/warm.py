@@ -67,6 +67,7 @@ def _compress() -> None:
     from gpszip.archive import open_archive
     from gpszip.mapping.assignment import enlarge_map
     from gpszip.mapping.initial_map import allocate_working_map
+    from gpszip.mapping.kernels.extreme_samples import mark_extreme_samples
     from gpszip.model.merge_options import MergeOptions
     from gpszip.pipeline.compress import compress
     from gpszip.pipeline.merge import merge
@@ -79,8 +80,11 @@ def _compress() -> None:
         compress(_loops(), options, map=decoded)
     merge([decoded, archive], MergeOptions(same_id="prefix"), names=["a", "b"])
 
-    # Maps of small logs never grow.
+    # Maps of small logs never grow, and this one is not dense.
     enlarge_map(allocate_working_map(2, 4, 4, 1.0), 4)
+    mark_extreme_samples(
+        np.arange(3.0), np.zeros((3, 2)), np.array([0, 3]), np.eye(2), 1, np.zeros(3, np.bool_)
+    )
 
 
 def _follow_roads() -> None:

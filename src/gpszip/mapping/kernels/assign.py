@@ -606,6 +606,7 @@ def _assign_window(
             prices.duration,
             prices.stay + prices.stay_duration,
             prices.error,
+            prices.beam,
         )
     else:
         _fill_table(grid_arrays, dp_table, first, max_slots, prices)

@@ -22,12 +22,19 @@ _DIRECTIONS = 16
 #: Bits of squared error beyond which no segment pays: knots in between cost less.
 _MAX_LINE_BITS = 45.0
 
-#: Time steps below which a sample lies at the time of the knot.
+#: Time steps below which a sample counts as so much after the knot.
 _MIN_SPAN = 1e-9
 
 
-def build_directions(dimension: int) -> tuple[NDArray[np.float64], float]:
+def build_directions(dimension: int, count: int = _DIRECTIONS) -> tuple[NDArray[np.float64], float]:
     """Directions whose strips enclose a ball.
+
+    Parameters
+    ----------
+    dimension : int
+        Dimension d.
+    count : int, default 16
+        Number of directions in the plane; in other dimensions, they are the axes.
 
     Returns
     -------
@@ -37,20 +44,33 @@ def build_directions(dimension: int) -> tuple[NDArray[np.float64], float]:
         Share of a radius at which the corners of the strips' intersection are within the ball.
     """
     if dimension == 2:
-        angle = np.arange(_DIRECTIONS) * (np.pi / _DIRECTIONS)
+        angle = np.arange(count) * (np.pi / count)
         directions = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        return directions, float(np.cos(np.pi / (2 * _DIRECTIONS)))
+        return directions, float(np.cos(np.pi / (2 * count)))
     return np.eye(dimension), dimension**-0.5
+
+
+@inner
+def _project_samples(
+    positions: NDArray[np.float64], directions: NDArray[np.float64], first: int, last: int
+) -> NDArray[np.float64]:
+    """Offsets of the samples ``first`` to ``last`` - 1 along each direction, a row for each."""
+    offsets = np.zeros((last - first, len(directions)))
+    for i in range(last - first):
+        for axis in range(positions.shape[1]):
+            for m in range(len(directions)):
+                offsets[i, m] += directions[m, axis] * positions[first + i, axis]
+    return offsets
 
 
 @inlined
 def _intersect_velocities(
     times: NDArray[np.float64],
-    positions: NDArray[np.float64],
-    directions: NDArray[np.float64],
+    offsets: NDArray[np.float64],
     reach: float,
     first: int,
     last: int,
+    before: int,
     start: float,
     along: NDArray[np.float64],
     low: NDArray[np.float64],
@@ -60,32 +80,29 @@ def _intersect_velocities(
 
     The cone of a sample at time t and offset y along a direction, from a knot at time ``start``
     and offset ``along``, is [(y - along - r) / (t - start), (y - along + r) / (t - start)] for the
-    largest distance r.
+    largest distance r. Row 0 of ``offsets`` is that of sample ``before``.
 
     Returns
     -------
     bool
         Whether any velocities remain.
     """
-    # Narrow the range of each direction by one sample after the other, until one is empty.
-    dimension = positions.shape[1]
+    # Narrow the ranges of all directions at once: the processor handles several in one step. At
+    # the knot's own time no velocity makes up for an offset: nearly all are ruled out.
     for i in range(first, last):
-        span = times[i] - start
+        rate = 1.0 / max(times[i] - start, _MIN_SPAN)
+        row = i - before
         for m in range(len(along)):
-            offset = -along[m]
-            for axis in range(dimension):
-                offset += directions[m, axis] * positions[i, axis]
+            offset = offsets[row, m] - along[m]
+            least, most = (offset - reach) * rate, (offset + reach) * rate
+            low[m] = least if least > low[m] else low[m]
+            high[m] = most if most < high[m] else high[m]
 
-            # At the knot's own time no velocity makes up for an offset.
-            if span < _MIN_SPAN:
-                if abs(offset) > reach:
-                    return False
-            else:
-                low[m] = max(low[m], (offset - reach) / span)
-                high[m] = min(high[m], (offset + reach) / span)
-                if low[m] > high[m]:
-                    return False
-    return True
+    # Velocities remain where no range is empty.
+    is_empty = False
+    for m in range(len(along)):
+        is_empty |= low[m] > high[m]
+    return not is_empty
 
 
 @inlined
@@ -131,6 +148,7 @@ def fill_table_within_max_error(
     move_price: float,
     stay_price: float,
     error_price: float = 0.0,
+    beam: float = np.inf,
 ) -> None:
     """Fill a table from its first row on, along segments within ``grid_arrays.max_distance``.
 
@@ -141,24 +159,34 @@ def fill_table_within_max_error(
 
     A step costs ``stay_price`` if it stays at its node, else ``move_price`` and the bits in the
     table. E is the squared error of the segment's samples. The minimum is over those (o, k) from
-    which an allowed velocity leads to (r, c).
+    which an allowed velocity leads to (r, c), and that cost at most ``beam`` bits more than the
+    cheapest candidate of their slot.
     """
     candidates, counts, positions, numbers = dp_table[:4]
     step_bits, arrivals, best, parent_rows, parent_choices = dp_table[4:]
-    times, sample_positions = grid_arrays.times, grid_arrays.sample_positions
-    directions, ends, time_steps = grid_arrays.directions, grid_arrays.ends, grid_arrays.time_steps
+    times, ends, time_steps = grid_arrays.times, grid_arrays.ends, grid_arrays.time_steps
+    directions = grid_arrays.directions
     fan, dimension = directions.shape
     rows = len(counts)
     low, high, along = np.empty(fan), np.empty(fan), np.empty(fan)
     m, n, center = np.empty(dimension), np.empty(dimension), np.empty(dimension)
     w = u1 = u2 = q = 0.0
 
+    # Every cone needs the offsets of samples: all are computed once.
+    before = ends[first]
+    offsets = _project_samples(
+        grid_arrays.sample_positions, directions, before, ends[first + rows - 1]
+    )
+
     # Open a cone of velocities at each candidate that a path reaches.
     for origin in range(rows - 1):
         a = first + origin
+        limit = np.inf
+        for o in range(counts[origin]):
+            limit = min(limit, best[origin, o] + beam)
         for o in range(counts[origin]):
             reached = best[origin, o]
-            if reached == np.inf:
+            if reached == np.inf or reached > limit:
                 continue
             _open_cone(directions, positions[origin, o], along, low, high)
             start = time_steps[a]
@@ -171,11 +199,11 @@ def fill_table_within_max_error(
                 # Narrow the cone by the samples before this slot; an empty one stays empty.
                 if not _intersect_velocities(
                     times,
-                    sample_positions,
-                    directions,
+                    offsets,
                     grid_arrays.max_distance,
                     ends[first + row - 1],
                     ends[first + row],
+                    before,
                     start,
                     along,
                     low,
@@ -202,10 +230,10 @@ def fill_table_within_max_error(
                     line_bits = error_price * best_line_cost(w, u1, u2, q, m, n)
                     if line_bits > _MAX_LINE_BITS:
                         break
-                    limit = -np.inf
+                    gain = -np.inf
                     for c in range(counts[row]):
-                        limit = max(limit, best[row, c] - arrivals[row, c])
-                    if reached + line_bits >= limit:
+                        gain = max(gain, best[row, c] - arrivals[row, c])
+                    if reached + line_bits >= gain:
                         continue
 
                 # Relax the candidates of this slot that the cone reaches.
