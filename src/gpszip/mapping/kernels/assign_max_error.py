@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import inlined, inner
+from gpszip.kernels.jit import inner, inner_uncounted
 from gpszip.mapping.kernels.grid_moments import best_line_cost, line_cost, moments_between
 from gpszip.mapping.kernels.time_grid import DPTable, TimeGridArrays
 
@@ -43,7 +43,7 @@ def build_directions(dimension: int) -> tuple[NDArray[np.float64], float]:
     return np.eye(dimension), dimension**-0.5
 
 
-@inlined
+@inner_uncounted
 def _intersect_velocities(
     times: NDArray[np.float64],
     positions: NDArray[np.float64],
@@ -88,7 +88,7 @@ def _intersect_velocities(
     return True
 
 
-@inlined
+@inner_uncounted
 def _is_reachable(
     directions: NDArray[np.float64],
     position: NDArray[np.float64],
@@ -107,7 +107,7 @@ def _is_reachable(
     return True
 
 
-@inlined
+@inner_uncounted
 def _open_cone(
     directions: NDArray[np.float64],
     position: NDArray[np.float64],
