@@ -19,7 +19,12 @@ from typing import Any, cast
 
 import llvmlite
 import llvmlite.binding
-from numba.core.caching import FunctionCache, IndexDataCacheFile, _Cache
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    _Cache,
+)
 from numba.core.runtime import rtsys
 
 from gpszip.kernels.private_names import has_names
@@ -29,7 +34,14 @@ __all__ = ["KernelCache", "can_cache", "write_precompiled"]
 
 #: What this module takes for granted, besides numba's documentation.
 _PRIVATE_NAMES = {
-    FunctionCache: ("_cache_file", "_guard_against_spurious_io_errors", "_impl", "_load_overload"),
+    CompileResultCacheImpl: ("reduce",),
+    FunctionCache: (
+        "_cache_file",
+        "_guard_against_spurious_io_errors",
+        "_impl",
+        "_impl_class",
+        "_load_overload",
+    ),
     IndexDataCacheFile: ("_load_index", "_source_stamp", "load", "save"),
     type(rtsys): ("initialize",),
 }
@@ -39,6 +51,26 @@ FOLDER = Path(__file__).with_name("compiled")
 
 #: All caches made so far, one for each kernel that Python calls.
 _CACHES: list[KernelCache] = []
+
+
+class _Form(CompileResultCacheImpl):  # type: ignore[misc]
+    """Compiled kernels as they are written: without the constants of functions that have none.
+
+    Those of numba's own functions would import much of the compiler at each start.
+    """
+
+    def reduce(self, cres: Any) -> tuple[Any, ...]:
+        """Return what is written of a compiled kernel."""
+        *parts, environments = super().reduce(cres)
+        if isinstance(environments, tuple):
+            environments = tuple(one for one in environments if getattr(one, "consts", True))
+        return *parts, environments
+
+
+class _Files(FunctionCache):  # type: ignore[misc]
+    """Numba's cache, with the form of compiled kernels changed."""
+
+    _impl_class = _Form
 
 
 def can_cache() -> bool:
@@ -62,7 +94,7 @@ class KernelCache(_Cache):  # type: ignore[misc]
     @cached_property
     def numba(self) -> FunctionCache:
         """Numba's cache, opened at the first call: most kernels are never called in a process."""
-        opened = FunctionCache(self._function)
+        opened = _Files(self._function)
         # Drop a kernel also when a kernel that it calls has changed.
         file = opened._cache_file
         file._source_stamp = (file._source_stamp, source_stamp(self._function.__module__))

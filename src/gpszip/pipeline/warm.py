@@ -39,6 +39,7 @@ def _call(task: Callable[[], None]) -> None:
 def _learn_maps() -> None:
     _code_walks()
     _compress()
+    _find_waypoints()
     _segment_mean()
 
 
@@ -130,10 +131,40 @@ def _sketch() -> None:
     stream.coreset()
 
 
-def _segment_mean() -> None:
-    from gpszip.pipeline.compress import compress
+def _find_waypoints() -> None:
+    from gpszip.codec.waypoints import (
+        expand_waypoints,
+        find_waypoints,
+        find_waypoints_by_bisection,
+    )
+    from gpszip.graph.road_graph import build_road_graph
+    from gpszip.graph.route import build_route
 
-    compress(_loops()[:1], Options(k=8, m=4))
+    graph = build_road_graph([[0, 0], [1, 0], [2, 0]], [[0, 1], [1, 2]])
+    route = build_route(graph, [0, 1, 2, 1])
+    find_waypoints_by_bisection(graph, route)
+    expand_waypoints(graph, find_waypoints(graph, route), limit=4)
+
+
+def _segment_mean() -> None:
+    from typing import get_args
+
+    from gpszip.kernels.sums import track_sums
+    from gpszip.pipeline.compress import compress
+    from gpszip.segmentation.em import ExpectationStep, segment_mean
+    from gpszip.segmentation.partition import penalised_partition
+
+    # The partitions of the command, and of each form of the expectation step.
+    track = _loops()[0]
+    compress([track], Options(k=8, m=4))
+    for expectation in get_args(ExpectationStep):
+        segment_mean(track, 8, 4, expectation=expectation)
+    rng = np.random.default_rng(0)
+    segment_mean(track, 8, 8, initial="douglas-peucker", clustering="k-means++", rng=rng)
+
+    # Long tracks get penalised ones.
+    sums = track_sums(track)
+    penalised_partition(sums, np.zeros((1, 2)), np.ones((1, 2)), 1.0)
 
 
 #: What calls all kernels, the longest first.
