@@ -120,7 +120,7 @@ def _sketch() -> None:
     from gpszip.sketches.stream import CoresetStream
 
     track = _loops()[0]
-    coreset = build_coreset(track, size=10)
+    coreset = build_coreset(track, size=40).reduced(10)
     coreset.cost(polyline(track.times[:2], track.positions[:2]))
     coreset.least_cost(2)
     weighted_samples(coreset, track)
@@ -139,11 +139,14 @@ def _find_waypoints() -> None:
     )
     from gpszip.graph.road_graph import build_road_graph
     from gpszip.graph.route import build_route
+    from gpszip.graph.trees import build_tree, find_distances
 
     graph = build_road_graph([[0, 0], [1, 0], [2, 0]], [[0, 1], [1, 2]])
     route = build_route(graph, [0, 1, 2, 1])
     find_waypoints_by_bisection(graph, route)
     expand_waypoints(graph, find_waypoints(graph, route), limit=4)
+    build_tree(graph, 0)
+    find_distances(graph, 0, [2])
 
 
 def _segment_mean() -> None:
@@ -151,7 +154,9 @@ def _segment_mean() -> None:
 
     from gpszip.kernels.sums import track_sums
     from gpszip.pipeline.compress import compress
+    from gpszip.segmentation.clustering import ward
     from gpszip.segmentation.em import ExpectationStep, segment_mean
+    from gpszip.segmentation.kernels.shift import best_cuts
     from gpszip.segmentation.partition import penalised_partition
 
     # The partitions of the command, and of each form of the expectation step.
@@ -162,9 +167,13 @@ def _segment_mean() -> None:
     rng = np.random.default_rng(0)
     segment_mean(track, 8, 8, initial="douglas-peucker", clustering="k-means++", rng=rng)
 
-    # Long tracks get penalised ones.
-    sums = track_sums(track)
-    penalised_partition(sums, np.zeros((1, 2)), np.ones((1, 2)), 1.0)
+    # Long tracks get penalised ones, whose intervals are split; many intervals are merged in pairs.
+    sums, segment = track_sums(track), (np.zeros((1, 2)), np.ones((1, 2)))
+    boundaries, labels = penalised_partition(sums, *segment, 1.0)
+    best_cuts(sums, boundaries, labels, *segment, 1)
+    times = np.arange(4002.0)
+    long = Track("long", times, np.stack((times, np.sin(times)), axis=1))
+    ward(track_sums(long), np.arange(0, 4003, 2), 4)
 
 
 #: What calls all kernels, the longest first.
