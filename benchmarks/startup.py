@@ -4,8 +4,8 @@
 
 Each figure is the median of five runs, user and system time of the whole process, with all kernels
 and Python's bytecode compiled by a run before, as in an installed package; also where
-PYTHONDONTWRITEBYTECODE is set. The logs are generated: a robot's 100 points, and a town's drives for an
-archive of some kilobytes.
+PYTHONDONTWRITEBYTECODE is set. The logs are generated: a robot's 100 points, and a town's drives
+for an archive of some kilobytes.
 """
 
 import os
