@@ -3,8 +3,9 @@
     python benchmarks/startup.py
 
 Each figure is the median of five runs, user and system time of the whole process, with all kernels
-compiled by a run before. The logs are generated: a robot's 100 points, and a town's drives for an
-archive of some kilobytes.
+and Python's bytecode compiled by a run before, as in an installed package; also where
+PYTHONDONTWRITEBYTECODE is set. The logs are generated: a robot's 100 points, and a town's drives
+for an archive of some kilobytes.
 """
 
 import os
@@ -29,6 +30,7 @@ COMMANDS = {
     "import numpy": [sys.executable, "-c", "import numpy"],
     "--version": [*GPSZIP, "--version"],
     "--help": [*GPSZIP, "--help"],
+    "match --help": [*GPSZIP, "match", "--help"],
     "info small": [*GPSZIP, "info", "small.gpsz"],
     "verify small": [*GPSZIP, "verify", "small.gpsz"],
     "decompress small": [*GPSZIP, "decompress", "small.gpsz", "-o", "-"],
@@ -42,6 +44,8 @@ COMMANDS = {
 def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
+        os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+        os.environ["PYTHONPYCACHEPREFIX"] = folder
         write_logs()
         for name, command in COMMANDS.items():
             measure(command)

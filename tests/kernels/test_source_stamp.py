@@ -46,6 +46,6 @@ def test_stamp_ignores_kernels_that_are_not_called(edited):
 
 def test_numba_cache_uses_the_stamp():
     kernel = importlib.import_module("gpszip.codec.kernels.walk_coder").code_walks
-    assert kernel._cache._cache_file._source_stamp[1] == source_stamp(
+    assert kernel._cache.numba._cache_file._source_stamp[1] == source_stamp(
         "gpszip.codec.kernels.walk_coder"
     )

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from gpszip.mapping import initial_map, placement
 from gpszip.mapping.initial_map import (
     build_working_map,
     list_segments,
@@ -11,6 +12,8 @@ from gpszip.mapping.initial_map import (
     squared_error,
     walks_of,
 )
+from gpszip.mapping.kernels.assign import Prices
+from gpszip.mapping.plan import Plan
 from gpszip.mapping.time_grid import build_time_grid
 from gpszip.model import QuantisationGrid, Track
 
@@ -112,6 +115,27 @@ def test_a_node_without_samples_stays_where_it_is():
     np.testing.assert_allclose(solved[-1], [77.0, -5.0])
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_few_nodes_are_placed_as_many_are(seed, monkeypatch):
+    fixed, nodes = 2 * (seed % 2), 9
+    time_grid, slot_nodes, positions = random_knots(seed, nodes)
+    prices = Prices(*range(1, 11))
+    plan = Plan(target=8.0)
+
+    def place(limit):
+        monkeypatch.setattr(initial_map, "MAX_DENSE_NODES", limit)
+        monkeypatch.setattr(placement, "MAX_DENSE_NODES", limit)
+        segments = list_segments(time_grid, slot_nodes, nodes)
+        placed = placement.place_nodes(segments, positions, fixed)
+        rounded = placement.place_on_grid(segments, placed, fixed)
+        merged, _, kept = placement.merge_nodes(slot_nodes, segments, placed, plan, prices, fixed)
+        return placed, rounded, merged, kept
+
+    dense, sparse = place(nodes), place(0)
+    for one, other in zip(dense, sparse, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+
+
 def test_walks_have_the_knots_of_each_track_and_gaps_between_pieces():
     time_grid, slot_nodes, positions = random_knots(3)
     walks = walks_of(time_grid, slot_nodes, np.rint(positions), 2)
@@ -158,4 +182,4 @@ def test_relabelled_segments_are_those_of_relabelled_knots():
     )
     for field in ("first_slots", "last_slots", "starts", "ends", "moments", "centers"):
         np.testing.assert_array_equal(getattr(renamed, field), getattr(listed, field))
-    np.testing.assert_array_equal(renamed.stiffness.toarray(), listed.stiffness.toarray())
+    np.testing.assert_array_equal(renamed.stiffness, listed.stiffness)

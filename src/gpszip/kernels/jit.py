@@ -1,4 +1,9 @@
-"""The compiler's settings, in one module: every kernel of the project is decorated here."""
+"""The compiler's settings, in one module: every kernel of the project is decorated here.
+
+Kernels are linked (:mod:`gpszip.kernels.linking`) and cached (:mod:`gpszip.kernels.precompiled`) by
+changes of numba's private classes. Where a version of numba lacks one of them, kernels are compiled
+as plain numba compiles them, which takes longer, or are not cached.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +14,20 @@ from typing import Any, NoReturn, TypeVar, cast
 import numba
 from numba.core.types.misc import unliteral
 
-from gpszip.kernels.linking import InnerCompiler, OuterCompiler
-from gpszip.kernels.precompiled import KernelCache
+try:
+    from gpszip.kernels.linking import InnerCompiler, OuterCompiler, can_link
 
-__all__ = ["inlined", "inner", "inner_uncounted", "jit", "jit_uncounted"]
+    LINKS = can_link()
+except ImportError:
+    LINKS = False
+try:
+    from gpszip.kernels.precompiled import KernelCache, can_cache
+
+    CACHES = can_cache()
+except ImportError:
+    CACHES = False
+
+__all__ = ["CACHES", "LINKS", "inner", "inner_uncounted", "jit", "jit_uncounted"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -47,31 +62,24 @@ def inner_uncounted(function: F) -> F:
     return _compile_inner(function, nrt=False)
 
 
-def inlined(function: F) -> F:
-    """Compile a small kernel into the kernels that call it.
-
-    A call that takes tuples of arrays counts references to each array, which costs more than a few
-    arithmetic operations.
-    """
-    compiled: F = numba.njit(inline="always", nogil=True, error_model="numpy")(function)
-    return compiled
-
-
 def _compile_outer(function: F, *, nrt: bool) -> F:
     """Compile a kernel that Python calls; ``nrt`` tells whether it counts references."""
-    compiled: Any = numba.njit(
-        nogil=True, error_model="numpy", _nrt=nrt, pipeline_class=OuterCompiler
-    )(function)
+    linking = {"_nrt": nrt, "pipeline_class": OuterCompiler} if LINKS else {}
+    compiled: Any = numba.njit(nogil=True, error_model="numpy", **linking)(function)
 
     # Without the compiler, this is the Python function.
     if not numba.config.DISABLE_JIT:
-        compiled._cache = KernelCache(function)
-        _take_constants_as_numbers(compiled)
+        if CACHES:
+            compiled._cache = KernelCache(function)
+        if LINKS:
+            _take_constants_as_numbers(compiled)
     return cast(F, compiled)
 
 
 def _compile_inner(function: F, *, nrt: bool) -> F:
     """Compile a kernel that only kernels call; ``nrt`` tells whether it counts references."""
+    if not LINKS:
+        return cast(F, numba.njit(nogil=True, error_model="numpy")(function))
     compiled: Any = numba.njit(
         nogil=True,
         error_model="numpy",

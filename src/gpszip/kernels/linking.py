@@ -17,10 +17,36 @@ from contextlib import contextmanager
 from typing import Any
 
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler import CompilerBase, DefaultPassBuilder, Flags
+from numba.core.cpu import CPUTargetOptions
+from numba.core.dispatcher import Dispatcher
 from numba.core.environment import lookup_environment
 
-__all__ = ["InnerCompiler", "OuterCompiler"]
+from gpszip.kernels.private_names import has_names
+
+__all__ = ["InnerCompiler", "OuterCompiler", "can_link"]
+
+#: What this module and :mod:`gpszip.kernels.jit` take for granted, besides numba's documentation.
+_PRIVATE_NAMES = {
+    JITCodeLibrary: (
+        "_codegen",
+        "_final_module",
+        "_finalize_dynamic_globals",
+        "_finalize_specific",
+        "_linking_libraries",
+        "_optimize_final_module",
+        "_raise_if_finalized",
+        "add_linking_library",
+        "add_llvm_module",
+        "enable_object_caching",
+        "finalize",
+        "get_defined_functions",
+    ),
+    CompilerBase: ("compile_extra", "define_pipelines", "state"),
+    Flags: ("_values", "no_compile", "nrt"),
+    CPUTargetOptions: ("_nrt",),
+    Dispatcher: ("_compile_for_args", "_insert", "get_call_template"),
+}
 
 #: Beginning of the name of the variable that holds a kernel's environment: its constants.
 _ENVIRONMENT = "_ZN08NumbaEnv"
@@ -28,6 +54,11 @@ _ENVIRONMENT = "_ZN08NumbaEnv"
 #: Allocations between two collections of garbage while a kernel is compiled: the compiler makes
 #: millions of objects that stay. Python's 700 take 15 % of the time.
 _GARBAGE_THRESHOLDS = (50_000, 20, 50)
+
+
+def can_link() -> bool:
+    """Whether this numba has what the classes below change; a later version may lack it."""
+    return all(has_names(kind, *names) for kind, names in _PRIVATE_NAMES.items())
 
 
 class _Library(JITCodeLibrary):  # type: ignore[misc]
@@ -81,7 +112,48 @@ class _OuterLibrary(_Library):
                     self._codegen.set_env(variable.name, environment)
 
 
-class OuterCompiler(CompilerBase):  # type: ignore[misc]
+class _Flags(Flags):  # type: ignore[misc]
+    """Numba's flags, compared by what is set.
+
+    Numba compares flags for each call that it types, by a dictionary of all settings: a tenth of
+    the time to compile.
+    """
+
+    __slots__ = ()
+
+    def __hash__(self) -> int:
+        return _HASH_OF_FLAGS
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Flags):
+            return NotImplemented
+        mine, others = self._values, other._values
+        return mine == others or all(
+            getattr(self, name) == getattr(other, name) for name in mine.keys() | others.keys()
+        )
+
+
+#: Numba's hash of any flags.
+_HASH_OF_FLAGS = hash(Flags())
+
+
+class _Compiler(CompilerBase):  # type: ignore[misc]
+    """Numba's compiler, with flags that are compared faster."""
+
+    def __init__(
+        self,
+        typingctx: Any,
+        targetctx: Any,
+        library: Any,
+        args: Any,
+        return_type: Any,
+        flags: Flags,
+        locals: Any,
+    ) -> None:
+        super().__init__(typingctx, targetctx, library, args, return_type, _Flags(flags), locals)
+
+
+class OuterCompiler(_Compiler):
     """Numba's compiler for kernels that Python calls."""
 
     def define_pipelines(self) -> list[Any]:
@@ -95,7 +167,7 @@ class OuterCompiler(CompilerBase):  # type: ignore[misc]
             return super().compile_extra(func)
 
 
-class InnerCompiler(CompilerBase):  # type: ignore[misc]
+class InnerCompiler(_Compiler):
     """Numba's compiler for kernels that only kernels call."""
 
     def define_pipelines(self) -> list[Any]:

@@ -13,16 +13,38 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import llvmlite
 import llvmlite.binding
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    _Cache,
+)
+from numba.core.runtime import rtsys
 
+from gpszip.kernels.private_names import has_names
 from gpszip.kernels.source_stamp import source_stamp
 
-__all__ = ["KernelCache", "write_precompiled"]
+__all__ = ["KernelCache", "can_cache", "write_precompiled"]
+
+#: What this module takes for granted, besides numba's documentation.
+_PRIVATE_NAMES = {
+    CompileResultCacheImpl: ("reduce",),
+    FunctionCache: (
+        "_cache_file",
+        "_guard_against_spurious_io_errors",
+        "_impl",
+        "_impl_class",
+        "_load_overload",
+    ),
+    IndexDataCacheFile: ("_load_index", "_source_stamp", "load", "save"),
+    type(rtsys): ("initialize",),
+}
 
 #: The compiled kernels of an installed wheel; the folder is missing where there are none.
 FOLDER = Path(__file__).with_name("compiled")
@@ -31,7 +53,32 @@ FOLDER = Path(__file__).with_name("compiled")
 _CACHES: list[KernelCache] = []
 
 
-class KernelCache(FunctionCache):  # type: ignore[misc]
+class _Form(CompileResultCacheImpl):  # type: ignore[misc]
+    """Compiled kernels as they are written: without the constants of functions that have none.
+
+    Those of numba's own functions would import much of the compiler at each start.
+    """
+
+    def reduce(self, cres: Any) -> tuple[Any, ...]:
+        """Return what is written of a compiled kernel."""
+        *parts, environments = super().reduce(cres)
+        if isinstance(environments, tuple):
+            environments = tuple(one for one in environments if getattr(one, "consts", True))
+        return *parts, environments
+
+
+class _Files(FunctionCache):  # type: ignore[misc]
+    """Numba's cache, with the form of compiled kernels changed."""
+
+    _impl_class = _Form
+
+
+def can_cache() -> bool:
+    """Whether this numba has the cache that :class:`KernelCache` changes."""
+    return all(has_names(kind, *names) for kind, names in _PRIVATE_NAMES.items())
+
+
+class KernelCache(_Cache):  # type: ignore[misc]
     """Numba's cache of one kernel, and behind it the kernel that came with the wheel.
 
     Parameters
@@ -41,19 +88,42 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
         self._function = function
-        self._stamp_sources()
         _CACHES.append(self)
 
+    @cached_property
+    def numba(self) -> FunctionCache:
+        """Numba's cache, opened at the first call: most kernels are never called in a process."""
+        opened = _Files(self._function)
+        # Drop a kernel also when a kernel that it calls has changed.
+        file = opened._cache_file
+        file._source_stamp = (file._source_stamp, source_stamp(self._function.__module__))
+        return opened
+
+    @property
+    def cache_path(self) -> str:
+        """The folder of numba's cache."""
+        return cast(str, self.numba.cache_path)
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Load the kernel compiled for these types of arguments; None if there is none."""
-        compiled = super().load_overload(sig, target_context)
+        """Load the kernel compiled for these types of arguments; None if there is none.
+
+        Numba's own method registers all that its compiler knows before it loads a kernel. That
+        takes .2 s, and machine code needs only the functions that count references. The compiler
+        registers the rest where it must compile.
+        """
+        rtsys.initialize(target_context)
+        with self.numba._guard_against_spurious_io_errors():
+            compiled = self.numba._load_overload(sig, target_context)
         if compiled is None and FOLDER.is_dir():
             data = self.precompiled(FOLDER).load(sig)
             if data is not None:
-                compiled = self._impl.rebuild(target_context, data)
+                compiled = self.numba._impl.rebuild(target_context, data)
         return compiled
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Write a compiled kernel."""
+        self.numba.save_overload(sig, data)
 
     def precompiled(self, folder: Path) -> IndexDataCacheFile:
         """The kernel's files in a folder of compiled kernels."""
@@ -72,7 +142,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         int
             Number of signatures.
         """
-        file, written = self._cache_file, 0
+        file, written = self.numba._cache_file, 0
         for key in file._load_index():
             data = file.load(key)
             if data is not None:
@@ -80,10 +150,17 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
                 written += 1
         return written
 
-    def _stamp_sources(self) -> None:
-        """Drop a kernel also when a kernel that it calls has changed."""
-        file = self._cache_file
-        file._source_stamp = (file._source_stamp, source_stamp(self._function.__module__))
+    def enable(self) -> None:
+        """Use numba's cache."""
+        self.numba.enable()
+
+    def disable(self) -> None:
+        """Use numba's cache no more."""
+        self.numba.disable()
+
+    def flush(self) -> None:
+        """Forget what numba's cache holds."""
+        self.numba.flush()
 
 
 def write_precompiled(folder: Path) -> int:

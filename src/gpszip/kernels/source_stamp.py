@@ -47,9 +47,15 @@ def _collect_modules(module: str, seen: frozenset[str]) -> frozenset[str]:
     if module in seen:
         return seen
     seen |= {module}
-    for name in _IMPORT.findall(_read_source(module)):
+    for name in _imported_modules(module):
         seen = _collect_modules(name, seen)
     return seen
+
+
+@cache
+def _imported_modules(module: str) -> tuple[str, ...]:
+    """Project modules that a module imports."""
+    return tuple(dict.fromkeys(_IMPORT.findall(_read_source(module))))
 
 
 @cache

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.linalg import splu
 
 from gpszip.codec.numbering import number_by_visit
 from gpszip.codec.prior import Prior
@@ -25,7 +24,11 @@ from gpszip.mapping.time_grid import TimeGrid
 from gpszip.model import GridWalk, GridWalks
 from gpszip.walks.kernels.along import sample_distances
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
 __all__ = [
+    "MAX_DENSE_NODES",
     "Segments",
     "build_working_map",
     "list_segments",
@@ -36,6 +39,13 @@ __all__ = [
     "squared_error",
     "walks_of",
 ]
+
+#: A symmetric matrix of the M-step, dense for few nodes.
+Matrix: TypeAlias = "NDArray[np.float64] | csr_array[Any]"
+
+#: Nodes up to which matrices are dense. Below it, NumPy takes less time than SciPy's sparse
+#: matrices do for their checks, and SciPy, which takes .28 s to import, is not needed.
+MAX_DENSE_NODES = 64
 
 #: Stiffness that holds every node where it is, so that a node without samples stays.
 _ANCHOR = 1e-5
@@ -84,7 +94,7 @@ class Segments:
         )
 
     @cached_property
-    def stiffness(self) -> csr_array:
+    def stiffness(self) -> Matrix:
         """Matrix K of the normal equations; it does not depend on the nodes' positions.
 
         A segment between the nodes u and v adds W - 2 U1 + U2 to K[u, u], U2 to K[v, v], and
@@ -97,6 +107,13 @@ class Segments:
         values = np.concatenate(
             [w - 2 * u1 + u2, u2, u1 - u2, u1 - u2, np.full(self.nodes, _ANCHOR)]
         )
+        if self.nodes <= MAX_DENSE_NODES:
+            dense = np.zeros((self.nodes, self.nodes))
+            np.add.at(dense, (rows, columns), values)
+            return dense
+
+        from scipy.sparse import coo_array, csr_array
+
         return csr_array(coo_array((values, (rows, columns)), shape=(self.nodes, self.nodes)))
 
 
@@ -172,7 +189,7 @@ def sample_errors(
 
 def normal_equations(
     segments: Segments, positions: NDArray[np.float64]
-) -> tuple[csr_array, NDArray[np.float64]]:
+) -> tuple[Matrix, NDArray[np.float64]]:
     """Return K and r; the solution of K x = r are the node positions of least squared error."""
     # Move the moments M and N from the segments' centres to the origin.
     dimension = positions.shape[1]
@@ -186,22 +203,28 @@ def normal_equations(
 
 
 def free_equations(
-    stiffness: csr_array, right: NDArray[np.float64], positions: NDArray[np.float64], fixed: int
-) -> tuple[csr_array, NDArray[np.float64]]:
+    stiffness: Matrix, right: NDArray[np.float64], positions: NDArray[np.float64], fixed: int
+) -> tuple[Matrix, NDArray[np.float64]]:
     """Return the equations of all but the first ``fixed`` nodes, which stay where they are."""
     if fixed == 0:
         return stiffness, right
     free_right = right[fixed:] - stiffness[fixed:, :fixed] @ positions[:fixed]
-    return stiffness[fixed:, fixed:].tocsr(), free_right
+    free = stiffness[fixed:, fixed:]
+    return free if isinstance(free, np.ndarray) else free.tocsr(), free_right
 
 
-def solve_positions(stiffness: csr_array, right: NDArray[np.float64]) -> NDArray[np.float64]:
+def solve_positions(stiffness: Matrix, right: NDArray[np.float64]) -> NDArray[np.float64]:
     """Solve the M-step: the positions of all nodes at once.
 
     It is one sparse symmetric positive definite system.
     """
     if stiffness.shape[0] == 0:
         return right
+    if isinstance(stiffness, np.ndarray):
+        return np.asarray(np.linalg.solve(stiffness, right), np.float64)
+
+    from scipy.sparse.linalg import splu
+
     # A positive definite matrix needs no pivoting, so that the ordering keeps it sparse.
     solver = splu(
         stiffness.tocsc(),
@@ -213,14 +236,23 @@ def solve_positions(stiffness: csr_array, right: NDArray[np.float64]) -> NDArray
 
 
 def round_positions(
-    stiffness: csr_array, right: NDArray[np.float64], positions: NDArray[np.float64]
+    stiffness: Matrix, right: NDArray[np.float64], positions: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Round positions to whole grid steps, each given its neighbours."""
     rounded = positions.copy()
-    round_node_positions(
-        stiffness.indptr, stiffness.indices, stiffness.data, right, rounded, _ROUNDING_SWEEPS
-    )
+    round_node_positions(*_compress_rows(stiffness), right, rounded, _ROUNDING_SWEEPS)
     return rounded
+
+
+def _compress_rows(
+    matrix: Matrix,
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
+    """Offsets, columns and values of a matrix in CSR form."""
+    if not isinstance(matrix, np.ndarray):
+        return matrix.indptr, matrix.indices, matrix.data
+    rows, columns = np.nonzero(matrix)
+    offsets = np.searchsorted(rows, np.arange(len(matrix) + 1))
+    return offsets.astype(np.int32), columns.astype(np.int32), matrix[rows, columns]
 
 
 def walks_of(

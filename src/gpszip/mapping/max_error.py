@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from gpszip.codec.numbering import number_by_visit
 from gpszip.model import GridWalk, GridWalks, QuantisationGrid, Track, Walk
@@ -287,6 +286,8 @@ def _find_nodes(
     ) / size
 
     # Round those without a near node to new nodes.
+    from scipy.spatial import cKDTree
+
     distance, nearest = cKDTree(nodes).query(positions)
     is_new = distance * size > reach
     new_nodes, number = np.unique(

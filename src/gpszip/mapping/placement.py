@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
 
 from gpszip.mapping.assignment import drop_unused_nodes
 from gpszip.mapping.initial_map import (
+    MAX_DENSE_NODES,
     Segments,
     free_equations,
     normal_equations,
@@ -126,19 +125,34 @@ def _merge_gain(
     error_bits = prices.error * square * stiffness[pairs[:, 1]] * pull
 
     # Neighbours that both nodes have: their edges merge, too.
-    count = len(positions)
-    ones = np.ones(len(segments.starts))
-    adjacency = csr_array((ones, (segments.starts, segments.ends)), shape=(count, count))
-    is_linked = ((adjacency + adjacency.T) > 0).astype(np.float64)
-    shared = (is_linked @ is_linked).tocsr()[pairs[:, 0], pairs[:, 1]]
+    shared = _count_shared_neighbours(pairs, segments, len(positions))
 
     # A merge saves a share of a node's and the shared edges' bits: the model adapts to the rest.
     gain: NDArray[np.float64] = (
         _SAVED_SHARE * (prices.new_node + prices.position)
-        + _SAVED_SHARE * prices.new_edge * np.asarray(shared).ravel()
+        + _SAVED_SHARE * prices.new_edge * shared
         - error_bits
     )
     return gain
+
+
+def _count_shared_neighbours(
+    pairs: NDArray[np.int64], segments: Segments, count: int
+) -> NDArray[np.float64]:
+    """Number of neighbours that both nodes of each pair have."""
+    if count <= MAX_DENSE_NODES:
+        is_linked = np.zeros((count, count), np.bool_)
+        is_linked[segments.starts, segments.ends] = True
+        is_linked[segments.ends, segments.starts] = True
+        is_shared = is_linked[pairs[:, 0]] & is_linked[pairs[:, 1]]
+        return np.asarray(is_shared.sum(axis=1), np.float64)
+
+    from scipy.sparse import csr_array
+
+    ones = np.ones(len(segments.starts))
+    adjacency = csr_array((ones, (segments.starts, segments.ends)), shape=(count, count))
+    linked = ((adjacency + adjacency.T) > 0).astype(np.float64)
+    return np.asarray((linked @ linked).tocsr()[pairs[:, 0], pairs[:, 1]]).ravel()
 
 
 def _find_near_pairs(positions: NDArray[np.float64], reach: float, fixed: int) -> NDArray[np.int64]:
@@ -146,6 +160,15 @@ def _find_near_pairs(positions: NDArray[np.float64], reach: float, fixed: int) -
 
     The second node is never one of the first ``fixed``.
     """
+    # Among few nodes, all pairs but those of two fixed ones.
+    if len(positions) <= MAX_DENSE_NODES:
+        first, second = np.triu_indices(len(positions), 1)
+        square = ((positions[first] - positions[second]) ** 2).sum(axis=1)
+        is_near = (square <= reach * reach) & (second >= fixed)
+        return np.stack([first[is_near], second[is_near]], axis=1).astype(np.int64)
+
+    from scipy.spatial import cKDTree
+
     # Without fixed nodes, any near pair may merge.
     if fixed == 0:
         return cKDTree(positions).query_pairs(reach, output_type="ndarray").astype(np.int64)

@@ -215,7 +215,7 @@ def _prepare_tracks(
         remove_samples(
             Observations(
                 _pad_coordinates(track.positions, index.dimension),
-                track.times,
+                track.times.copy(),  # may be read-only, which kernels would be compiled for again
                 _find_breaking_gaps(track, gap),
                 read_headings(track),
             ),

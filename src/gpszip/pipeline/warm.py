@@ -39,6 +39,7 @@ def _call(task: Callable[[], None]) -> None:
 def _learn_maps() -> None:
     _code_walks()
     _compress()
+    _find_waypoints()
     _segment_mean()
 
 
@@ -123,7 +124,7 @@ def _sketch() -> None:
     from gpszip.sketches.stream import CoresetStream
 
     track = _loops()[0]
-    coreset = build_coreset(track, size=10)
+    coreset = build_coreset(track, size=40).reduced(10)
     coreset.cost(polyline(track.times[:2], track.positions[:2]))
     coreset.least_cost(2)
     weighted_samples(coreset, track)
@@ -134,10 +135,49 @@ def _sketch() -> None:
     stream.coreset()
 
 
-def _segment_mean() -> None:
-    from gpszip.pipeline.compress import compress
+def _find_waypoints() -> None:
+    from gpszip.codec.waypoints import (
+        expand_waypoints,
+        find_waypoints,
+        find_waypoints_by_bisection,
+    )
+    from gpszip.graph.road_graph import build_road_graph
+    from gpszip.graph.route import build_route
+    from gpszip.graph.trees import build_tree, find_distances
 
-    compress(_loops()[:1], Options(k=8, m=4))
+    graph = build_road_graph([[0, 0], [1, 0], [2, 0]], [[0, 1], [1, 2]])
+    route = build_route(graph, [0, 1, 2, 1])
+    find_waypoints_by_bisection(graph, route)
+    expand_waypoints(graph, find_waypoints(graph, route), limit=4)
+    build_tree(graph, 0)
+    find_distances(graph, 0, [2])
+
+
+def _segment_mean() -> None:
+    from typing import get_args
+
+    from gpszip.kernels.sums import track_sums
+    from gpszip.pipeline.compress import compress
+    from gpszip.segmentation.clustering import ward
+    from gpszip.segmentation.em import ExpectationStep, segment_mean
+    from gpszip.segmentation.kernels.shift import best_cuts
+    from gpszip.segmentation.partition import penalised_partition
+
+    # The partitions of the command, and of each form of the expectation step.
+    track = _loops()[0]
+    compress([track], Options(k=8, m=4))
+    for expectation in get_args(ExpectationStep):
+        segment_mean(track, 8, 4, expectation=expectation)
+    rng = np.random.default_rng(0)
+    segment_mean(track, 8, 8, initial="douglas-peucker", clustering="k-means++", rng=rng)
+
+    # Long tracks get penalised ones, whose intervals are split; many intervals are merged in pairs.
+    sums, segment = track_sums(track), (np.zeros((1, 2)), np.ones((1, 2)))
+    boundaries, labels = penalised_partition(sums, *segment, 1.0)
+    best_cuts(sums, boundaries, labels, *segment, 1)
+    times = np.arange(4002.0)
+    long = Track("long", times, np.stack((times, np.sin(times)), axis=1))
+    ward(track_sums(long), np.arange(0, 4003, 2), 4)
 
 
 #: What calls all kernels, the longest first.

@@ -22,7 +22,7 @@ from gpszip.codec.kernels.walk_priors import (
     KINDS_PER_OCTAVE,
     OCTAVES,
 )
-from gpszip.kernels.jit import inlined, inner, inner_uncounted
+from gpszip.kernels.jit import inner, inner_uncounted
 
 __all__ = [
     "class_weights",
@@ -151,13 +151,13 @@ def sum_weights(classes: NDArray[np.uint8], weights: NDArray[np.int64]) -> int:
     return total
 
 
-@inlined
+@inner_uncounted
 def is_search_limited(model: WalkModel) -> bool:
     """Whether so many choices were cheap that only few candidates are weighed any more."""
     return model.scalars[CHEAP_CHOICES] >= _MAX_CHEAP_CHOICES
 
 
-@inlined
+@inner_uncounted
 def is_cheap(weight: int, total: int) -> bool:
     """Whether a choice takes less than 2 bits."""
     return 4 * weight > total

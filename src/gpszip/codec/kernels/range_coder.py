@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import inlined, inner_uncounted, jit_uncounted
+from gpszip.kernels.jit import inner_uncounted, jit_uncounted
 
 __all__ = [
     "DECODES",
@@ -121,13 +121,13 @@ def new_decoder(data: bytes) -> Coder:
     )
 
 
-@inlined
+@inner_uncounted
 def is_decoding(coder: Coder) -> bool:
     """Whether the coder reads symbols; otherwise it takes those that it is given."""
     return coder.cursor[DIRECTION] == DECODES
 
 
-@inlined
+@inner_uncounted
 def is_exhausted(coder: Coder) -> bool:
     """Whether a decoder has read more bytes past its end than any encoder leaves out."""
     # The buffer itself ends 8 bytes after the data.

@@ -15,7 +15,7 @@ from gpszip.codec.kernels.walk_priors import (
     BIT_STAY,
     BIT_TURN_BACK,
 )
-from gpszip.kernels.jit import inlined, inner, inner_uncounted
+from gpszip.kernels.jit import inner, inner_uncounted
 
 __all__ = [
     "KIND_BACK",
@@ -222,7 +222,7 @@ def step_kind(model: WalkModel, u: int, back: int, node: int) -> int:
     return KIND_BACK if half_edge == back else KIND_KNOWN
 
 
-@inlined
+@inner_uncounted
 def _code_known_kind(
     coder: Coder, model: WalkModel, degree: int, incoming: int, back: int, kind: int, last_kind: int
 ) -> int:

@@ -38,7 +38,7 @@ from gpszip.codec.kernels.walk_model import (
 )
 from gpszip.codec.kernels.walk_priors import AMONG_TARGETS, BIT_TARGET, KINDS_PER_OCTAVE
 from gpszip.kernels.heap import pop, push
-from gpszip.kernels.jit import inlined, inner, inner_uncounted
+from gpszip.kernels.jit import inner, inner_uncounted
 
 __all__ = ["code_target", "has_target", "take_next_node"]
 
@@ -53,7 +53,7 @@ _FEW_NODES = 16
 _TARGET_WEIGHT = np.int64(24)
 
 
-@inlined
+@inner_uncounted
 def has_target(model: WalkModel) -> bool:
     """Whether the walk is on its way to a target."""
     return model.scalars[PATH_NEXT] < model.scalars[PATH_END]

@@ -87,7 +87,7 @@ from gpszip.codec.kernels.walk_priors import (
     MIX_GAP,
     MIX_STAY,
 )
-from gpszip.kernels.jit import inlined, inner, inner_uncounted, jit
+from gpszip.kernels.jit import inner, inner_uncounted, jit
 
 __all__ = ["code_walks"]
 
@@ -327,7 +327,7 @@ def _code_measures(
     return duration
 
 
-@inlined
+@inner_uncounted
 def _code_segment(
     coder: Coder,
     model: WalkModel,

@@ -25,7 +25,7 @@ from gpszip.codec.kernels.walk_priors import (
     initial_mixture_weights,
     initial_offered,
 )
-from gpszip.kernels.jit import inlined, inner_uncounted, jit, jit_uncounted
+from gpszip.kernels.jit import inner_uncounted, jit, jit_uncounted
 from gpszip.kernels.pair_table import find_pair_slot
 
 __all__ = [
@@ -403,7 +403,7 @@ def _add_edge(model: WalkModel, u: int, v: int) -> int:
     return half_edge
 
 
-@inlined
+@inner_uncounted
 def _pair_key(incoming: int, half_edge: int) -> int:
     """Key of two half-edges taken one after the other."""
     return incoming * _PAIR_SHIFT + half_edge

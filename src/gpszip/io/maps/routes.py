@@ -6,11 +6,9 @@ import json
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv as pc
 from numpy.typing import NDArray
 
 from gpszip.errors import OutputError
@@ -21,6 +19,9 @@ from gpszip.io.logs.track_rows import DEGREE_DIGITS, TIME_DECIMALS, round_decima
 from gpszip.io.storage.sink import open_sink
 from gpszip.model import Network, Plane, Track
 from gpszip.model.match import Break, Match, Matching, Piece
+
+if TYPE_CHECKING:
+    import pyarrow as pa  # imported by what writes CSV: help texts list the formats
 
 __all__ = ["ROUTE_FORMATS", "route_format", "write_routes"]
 
@@ -261,6 +262,8 @@ def _to_output_coordinates(positions: Floats, plane: Plane | None) -> Floats:
 def _write_csv(
     matching: Matching, tracks: Sequence[Track], network: Network, stream: BinaryIO
 ) -> None:
+    import pyarrow.csv as pc
+
     # The header takes the columns of the first table; without tracks there is no header.
     needs_header = True
     for match, track in zip(matching.matches, tracks, strict=True):
@@ -273,6 +276,8 @@ def _write_csv(
 
 def _point_table(match: Match, track: Track, network: Network) -> pa.Table:
     """Return a row for each point; columns about roads are null for points on no road."""
+    import pyarrow as pa
+
     # Points on no road have null in all columns about roads.
     off_road = match.piece < 0
     columns: dict[str, Any] = {"track_id": pa.array([match.track] * len(match), pa.string())}
@@ -312,6 +317,8 @@ def _reasons(match: Match, network: Network) -> tuple[pa.Array, pa.Array]:
 
     Both are null for points on a road.
     """
+    import pyarrow as pa
+
     # The break that each point is in.
     break_index = np.full(len(match), -1)
     for number, break_ in enumerate(match.breaks):
@@ -351,4 +358,6 @@ def _coordinate_columns(
 
 def _masked(values: Floats, missing: Bools) -> pa.Array:
     """Return an Arrow array in which missing values are null."""
+    import pyarrow as pa
+
     return pa.array(values, mask=missing)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.copying import copy_values
-from gpszip.kernels.jit import inlined, inner, inner_uncounted, jit_uncounted
+from gpszip.kernels.jit import inner, inner_uncounted, jit_uncounted
 from gpszip.mapping.kernels.assign_max_error import fill_table_within_max_error
 from gpszip.mapping.kernels.grid_moments import best_line_cost, moments_between
 from gpszip.mapping.kernels.initial_map import (
@@ -73,7 +73,7 @@ class Prices(NamedTuple):
     beam: float  # beyond the cheapest candidate of a slot at which others are left out
 
 
-@inlined
+@inner_uncounted
 def _price_step(working_map: WorkingMap, u: int, v: int, prices: Prices) -> float:
     """Bits of a step between two used nodes: log2 of its share of the steps from u.
 
@@ -206,7 +206,7 @@ def _locate_candidates(
     return positions, numbers
 
 
-@inlined
+@inner_uncounted
 def _sum_end_terms(
     positions: NDArray[np.float64],
     row: int,
@@ -248,7 +248,7 @@ def _bound_arrivals(
     return arrivals
 
 
-@inlined
+@inner_uncounted
 def _find_limit(
     best: NDArray[np.float64],
     arrivals: NDArray[np.float64],

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import inlined, inner
+from gpszip.kernels.jit import inner, inner_uncounted
 from gpszip.mapping.kernels.grid_moments import best_line_cost, line_cost, moments_between
 from gpszip.mapping.kernels.time_grid import DPTable, TimeGridArrays
 
@@ -63,7 +63,7 @@ def _project_samples(
     return offsets
 
 
-@inlined
+@inner_uncounted
 def _intersect_velocities(
     times: NDArray[np.float64],
     offsets: NDArray[np.float64],
@@ -105,7 +105,7 @@ def _intersect_velocities(
     return not is_empty
 
 
-@inlined
+@inner_uncounted
 def _is_reachable(
     directions: NDArray[np.float64],
     position: NDArray[np.float64],
@@ -124,7 +124,7 @@ def _is_reachable(
     return True
 
 
-@inlined
+@inner_uncounted
 def _open_cone(
     directions: NDArray[np.float64],
     position: NDArray[np.float64],

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numba
+import numba.experimental.function_type  # lets numba know the types of pointers
 from numba import typeof
 from numba.core.types import CompileResultWAP
 

@@ -242,7 +242,7 @@ def place_samples(
         sample = samples[step]
         leg_of[sample] = low
         metres[sample], distances[sample] = nearest_on_road(
-            positions[sample], legs.roads[low], begin, begin, roads, graph
+            positions[sample], np.int64(legs.roads[low]), begin, begin, roads, graph
         )
 
         # Samples between it and the next time step of the same piece.
@@ -284,7 +284,7 @@ def _nearest_on_legs(
 
         # The first of the nearest points.
         metres, distance = nearest_on_road(
-            position, legs.roads[leg], leg_begin, max(leg_begin, leg_end), roads, graph
+            position, np.int64(legs.roads[leg]), leg_begin, max(leg_begin, leg_end), roads, graph
         )
         if distance < least:
             least, nearest_leg, nearest_metres = distance, leg, metres

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import inlined, inner, inner_uncounted, jit
+from gpszip.kernels.jit import inner, inner_uncounted, jit
 from gpszip.matching.kernels.roads import RoadGrid, Roads, project
 
 __all__ = ["count_cells", "fill_cells", "find_near_roads", "hash_cells", "nearest_distances"]
@@ -239,7 +239,7 @@ def _take_nearest(
     return count
 
 
-@inlined
+@inner_uncounted
 def _is_before(hits: NDArray[np.float64], i: int, j: int) -> bool:
     """Whether hit i comes before hit j: by distance, then road, then offset."""
     for column in range(3):

@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import inlined, inner_uncounted, jit
+from gpszip.kernels.jit import inner_uncounted, jit
 from gpszip.matching.kernels.roads import (
     CENTRE_NODE,
     CENTRE_RADIUS,
@@ -38,7 +38,7 @@ __all__ = [
 ]
 
 
-@inlined
+@inner_uncounted
 def _turn_cost(a: int, b: int, graph: Graph, model: ModelParameters) -> float:
     """Cost in metres of turning from the end of directed road a into directed road b.
 
@@ -57,7 +57,7 @@ def _turn_cost(a: int, b: int, graph: Graph, model: ModelParameters) -> float:
     return 0.5 * model.beta * model.turn_cost * (1.0 - cosine)
 
 
-@inlined
+@inner_uncounted
 def _sift_up(
     heap: NDArray[np.int32], heap_slots: NDArray[np.int32], keys: NDArray[np.float64], slot: int
 ) -> None:
@@ -77,7 +77,7 @@ def _sift_up(
     heap_slots[item] = i
 
 
-@inlined
+@inner_uncounted
 def _sift_down(
     heap: NDArray[np.int32], heap_slots: NDArray[np.int32], keys: NDArray[np.float64], size: int
 ) -> None:
@@ -105,7 +105,7 @@ def _sift_down(
     heap_slots[item] = i
 
 
-@inlined
+@inner_uncounted
 def _pop_heap(
     heap: NDArray[np.int32],
     heap_slots: NDArray[np.int32],
@@ -121,7 +121,7 @@ def _pop_heap(
         _sift_down(heap, heap_slots, keys, state[HEAP_SIZE])
 
 
-@inlined
+@inner_uncounted
 def _distance_to_node(node: int, position: NDArray[np.float64], graph: Graph) -> float:
     square = 0.0
     for axis in range(len(position)):
@@ -129,7 +129,7 @@ def _distance_to_node(node: int, position: NDArray[np.float64], graph: Graph) ->
     return math.sqrt(square)
 
 
-@inlined
+@inner_uncounted
 def _relax(
     road: int, cost: float, metres: float, cost_to_go: float, parent: int, work: Workspace
 ) -> None:
@@ -158,7 +158,7 @@ def start_search(work: Workspace) -> None:
     work.state[HEAP_SIZE] = 0
 
 
-@inlined
+@inner_uncounted
 def _pop_next(cost_bound: float, work: Workspace) -> int:
     """Take the directed road with the least key; -1 if there is none within the bound."""
     if work.state[HEAP_SIZE] == 0:
@@ -170,7 +170,7 @@ def _pop_next(cost_bound: float, work: Workspace) -> int:
     return int(road)
 
 
-@inlined
+@inner_uncounted
 def expand_to_goal(
     road: int,
     metres: float,
@@ -203,7 +203,7 @@ def expand_to_goal(
             _relax(next_road, next_cost, metres, cost_to_go, road, work)
 
 
-@inlined
+@inner_uncounted
 def next_towards_goal(
     cost_bound: float,
     max_length: float,
@@ -238,7 +238,7 @@ def next_towards_goal(
     return road
 
 
-@inlined
+@inner_uncounted
 def expand_to_targets(
     road: int,
     metres: float,
@@ -275,13 +275,13 @@ def expand_to_targets(
             _relax(next_road, next_cost, metres, cost_to_go, road, work)
 
 
-@inlined
+@inner_uncounted
 def next_towards_targets(cost_bound: float, work: Workspace) -> int:
     """Take the next directed road of a search towards targets; -1 if there is none."""
     return _pop_next(cost_bound, work)
 
 
-@inlined
+@inner_uncounted
 def _min_distance_to_sources(node: int, graph: Graph, backward: BackwardSearch) -> float:
     """Lower bound of the distance from a node to the sources: to the circle round all of them."""
     centre = graph.node_positions[backward.state[CENTRE_NODE]]
@@ -351,7 +351,7 @@ def search_backward(
         backward.is_source[graph.heads[road]] = False
 
 
-@inlined
+@inner_uncounted
 def _relax_backward(
     road: int,
     cost: float,

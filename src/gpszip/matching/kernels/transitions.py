@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import inlined, inner, inner_uncounted
+from gpszip.kernels.jit import inner, inner_uncounted
 from gpszip.matching.kernels.candidates import (
     JUMP,
     OTHER_ROADS,
@@ -171,7 +171,7 @@ def advance_paths(
     after.path_costs[:n1] -= after.path_costs[:n1].min()
 
 
-@inlined
+@inner
 def _link_candidates_by_road(
     after: Candidates, n: int, work: Workspace
 ) -> tuple[NDArray[np.int32], int]:
@@ -190,7 +190,7 @@ def _link_candidates_by_road(
     return linked, distinct
 
 
-@inlined
+@inner
 def _bound_path_costs(
     on_roads: NDArray[np.int64],
     straight: float,
@@ -261,7 +261,7 @@ def _bound_path_costs(
         cost_bound = straight + model.beta * max_cost
 
 
-@inlined
+@inner
 def _relax_over_other_roads(
     on_roads: NDArray[np.int64],
     straight: float,
@@ -310,7 +310,7 @@ def _relax_over_other_roads(
     # Forward from each candidate before; table of paths from the ends of roads: costs and metres.
     costs = np.full((len(on_roads), len(upper_bounds)), np.inf)
     metres = np.empty((len(on_roads), len(upper_bounds)))
-    for row in np.argsort(end_costs, kind="mergesort"):
+    for row in _order(end_costs):
         i = on_roads[row]
         road, cost_bound = before.roads[i], straight - end_costs[row]
         if work.path_rows[road] < 0:
@@ -351,7 +351,23 @@ def _relax_over_other_roads(
         work.path_rows[before.roads[i]] = _NONE
 
 
-@inlined
+@inner
+def _order(costs: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Indices of costs from the least to the greatest, equal ones in their order: insertion sort.
+
+    NumPy's sort takes a second to compile, and there are some ten candidates.
+    """
+    order = np.empty(len(costs), np.int64)
+    for i in range(len(costs)):
+        place = i
+        while place > 0 and costs[order[place - 1]] > costs[i]:
+            order[place] = order[place - 1]
+            place -= 1
+        order[place] = i
+    return order
+
+
+@inner_uncounted
 def _search_from_road(
     road: int,
     row: int,
@@ -399,7 +415,7 @@ def _search_from_road(
                 metres[row, k] = end_metres + metres[path_row, k]
 
 
-@inlined
+@inner_uncounted
 def _max_cost_on_roads(costs: NDArray[np.float64], candidates: Candidates) -> float:
     """The highest cost of a candidate on a road."""
     max_cost = -np.inf
@@ -409,7 +425,7 @@ def _max_cost_on_roads(costs: NDArray[np.float64], candidates: Candidates) -> fl
     return max_cost
 
 
-@inlined
+@inner_uncounted
 def _relax_on_same_road(
     i: int,
     straight: float,
@@ -460,7 +476,7 @@ def _relax_on_same_road(
         j = linked[j]
 
 
-@inlined
+@inner_uncounted
 def _relax_transition(
     i: int,
     j: int,
