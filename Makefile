@@ -25,7 +25,7 @@ help:
 	@echo "make bench    run the benchmarks (an hour)"
 	@echo "make docs     draw the packages and their imports in docs/architecture.svg"
 	@echo "make wheel    build in dist/ the source archive, and a wheel with compiled kernels for this platform and Python"
-	@echo "make demo     compress a generated robot patrol and draw the map that it learned, in demo/"
+	@echo "make demo     compress a generated robot patrol and draw the map that it learned over its points: demo/map.png"
 	@echo "make format   lay out the code and mend what ruff can mend"
 	@echo "make clean    remove the environment, the demo and all caches"
 

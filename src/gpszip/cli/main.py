@@ -40,6 +40,7 @@ _COMMANDS = (
     "compress",
     "decompress",
     "map",
+    "plot",
     "coreset",
     "network",
     "match",
