@@ -129,5 +129,12 @@ def _draw_lines(axes: Axes3D, lines: list[Floats], colors: Any, name: str) -> No
 def _name_tracks(axes: Axes3D, names: list[str], lines: list[Floats]) -> None:
     """Write the name of each track at its end."""
     for name, line in dict(zip(names, lines, strict=True)).items():
-        text = f" {printable(name)}"
-        axes.text(*line[-1], text, va="center", fontsize=6, parse_math=False)
+        axes.text(
+            *line[-1],
+            f" {printable(name)}",
+            va="center",
+            fontsize=6,
+            zorder=100,  # above all tracks
+            parse_math=False,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.3},
+        )
