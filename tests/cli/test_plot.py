@@ -69,6 +69,7 @@ def test_a_log_that_lost_points_says_so(walk, gpszip):
         ("two.gpsz -o out.pdf --dpi 9", 2, "50<=x<=1200"),
         ("timeless.gpsz -o out.pdf --kind space-time", 2, "the archive has no times"),
         ("missing.gpsz -o out.pdf", 1, "missing.gpsz"),
+        ("missing.gpsz missing.gpsz -o out.pdf", 2, "shows one archive, not 2"),
     ],
 )
 def test_mistakes_are_one_line_and_write_nothing(gpszip, archive, timeless, arguments, code, words):

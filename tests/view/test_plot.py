@@ -1,3 +1,4 @@
+from io import BytesIO
 from xml.etree import ElementTree
 
 import numpy as np
@@ -53,8 +54,14 @@ def test_the_map_is_the_default():
 
 def test_archives_are_taken_as_files_and_bytes(tmp_path):
     laps_archive().save(tmp_path / "laps.gpsz")
-    for source in (tmp_path / "laps.gpsz", str(tmp_path / "laps.gpsz"), laps_archive().to_bytes()):
-        assert plot(source, kind="heat").axes
+    data = laps_archive().to_bytes()
+    for source in (tmp_path / "laps.gpsz", str(tmp_path / "laps.gpsz"), data, BytesIO(data)):
+        assert plot(source, kind="segments").axes
+
+
+def test_no_archive_is_refused():
+    with pytest.raises(OptionError, match="no archive"):
+        plot([], kind="rate")
 
 
 def test_an_unknown_kind_names_the_others():

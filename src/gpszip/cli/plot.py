@@ -114,11 +114,12 @@ def command(
     from gpszip.cli.output import STDOUT, check_output
     from gpszip.drawing.style import Page, picture_format, save_figure, size_in_mm
     from gpszip.io.storage.sink import atomic_write, to_stdout
-    from gpszip.view.plot import draw
+    from gpszip.view.plot import draw, find_kind
 
     # Refuse what can be refused before any work.
     file_format = picture_format(target)
     check_output(target, force=force, binary=file_format != "svg")
+    find_kind(kind, len(archives), has_log=bool(raw))
     page = Page(width, title, legend=not no_legend)
 
     # Read, and draw.

@@ -28,6 +28,7 @@ __all__ = [
     "new_figure",
     "picture_format",
     "printable",
+    "require_matplotlib",
     "save_figure",
     "size_in_mm",
     "style",
@@ -137,6 +138,20 @@ class Page:
             )
 
 
+def require_matplotlib() -> None:
+    """Check that matplotlib is there before any work.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed.
+    """
+    try:
+        import matplotlib.style  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError("plot", "drawing") from error
+
+
 @contextmanager
 def style() -> Iterator[None]:
     """Draw in the style of this package, whatever the user's own settings of matplotlib.
@@ -146,10 +161,9 @@ def style() -> Iterator[None]:
     MissingExtraError
         If matplotlib is not installed.
     """
-    try:
-        from matplotlib.style import context
-    except ImportError as error:
-        raise MissingExtraError("plot", "drawing") from error
+    require_matplotlib()
+    from matplotlib.style import context
+
     with context(["default", _SETTINGS]):
         yield
 

@@ -9,7 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from gpszip.archive import Archive, ArchiveSource, open_archive
-from gpszip.drawing.style import DPI, PAGE_WIDTH, Page, picture_format, save_figure, style
+from gpszip.drawing.style import (
+    DPI,
+    PAGE_WIDTH,
+    Page,
+    picture_format,
+    require_matplotlib,
+    save_figure,
+    style,
+)
 from gpszip.errors import OptionError
 from gpszip.files.atomic_write import atomic_write
 from gpszip.geo.planes import reproject_track
@@ -21,7 +29,7 @@ from gpszip.view.plots.subject import Subject
 if TYPE_CHECKING:
     import matplotlib.figure
 
-__all__ = ["PLOT_KINDS", "PlotKind", "draw", "plot"]
+__all__ = ["PLOT_KINDS", "PlotKind", "draw", "find_kind", "plot"]
 
 
 @dataclass(frozen=True)
@@ -146,8 +154,7 @@ def plot(
     'error in metres'
     """
     # Open the archives; only paths have names.
-    sources = [archives] if isinstance(archives, Archive | str | os.PathLike | bytes) else archives
-    listed = list(cast("Sequence[Archive | ArchiveSource]", sources))
+    listed = _as_list(archives)
     opened = tuple(each if isinstance(each, Archive) else open_archive(each) for each in listed)
     names = tuple(Path(each).stem if isinstance(each, str | os.PathLike) else "" for each in listed)
     tracks = (raw,) if isinstance(raw, Track) else tuple(raw)
@@ -162,6 +169,16 @@ def plot(
     return figure
 
 
+def _as_list(
+    archives: Archive | ArchiveSource | Sequence[Archive | ArchiveSource],
+) -> list[Archive | ArchiveSource]:
+    """Return the archives that were given: several, or one as itself, a file, bytes or a stream."""
+    single = isinstance(archives, Archive | str | os.PathLike | bytes) or hasattr(archives, "read")
+    if single:
+        return [cast("Archive | ArchiveSource", archives)]
+    return list(cast("Sequence[Archive | ArchiveSource]", archives))
+
+
 def draw(
     kind: str,
     archives: Sequence[Archive],
@@ -170,18 +187,7 @@ def draw(
     page: Page,
 ) -> matplotlib.figure.Figure:
     """Draw a figure of one of :data:`PLOT_KINDS`; errors as for :func:`plot`."""
-    # Check that the kind can be drawn of what was given.
-    chosen = _find_kind(kind)
-    if len(archives) > 1 and not chosen.several:
-        raise OptionError(
-            f"a picture of the kind {kind} shows one archive, not {len(archives)}",
-            remedy=f"draw one after the other; {_names_of(several=True)} compares several",
-        )
-    if chosen.needs_log and not tracks:
-        raise OptionError(
-            f"a picture of the kind {kind} compares the walks with the log",
-            remedy="give the log with --raw, in Python raw=",
-        )
+    chosen = find_kind(kind, len(archives), has_log=bool(tracks))
 
     # Bring the log to the planes of the archive.
     for archive in archives:
@@ -190,6 +196,37 @@ def draw(
     on_plane = tuple(track if plane is None else reproject_track(track, plane) for track in tracks)
     with style():
         return chosen.draw(Subject(tuple(archives), tuple(names), on_plane), page)
+
+
+def find_kind(name: str, archives: int, *, has_log: bool) -> PlotKind:
+    """Return a kind of pictures that can be drawn of a number of archives, with a log or without.
+
+    Raises
+    ------
+    MissingExtraError
+        If matplotlib is not installed.
+    OptionError
+        If there is no such kind, or it can't be drawn of that.
+    """
+    require_matplotlib()
+    chosen = next((each for each in PLOT_KINDS if each.name == name), None)
+    if chosen is None:
+        raise OptionError(f"no kind {name!r} of pictures", remedy=f"there are {_names_of()}")
+
+    # Number of archives, and the log.
+    if archives == 0:
+        raise OptionError("no archive was given to draw")
+    if archives > 1 and not chosen.several:
+        raise OptionError(
+            f"a picture of the kind {name} shows one archive, not {archives}",
+            remedy=f"draw one after the other; {_names_of(several=True)} compares several",
+        )
+    if chosen.needs_log and not has_log:
+        raise OptionError(
+            f"a picture of the kind {name} compares the walks with the log",
+            remedy="give the log with --raw, in Python raw=",
+        )
+    return chosen
 
 
 def _check_coordinates(archive: Archive, tracks: Sequence[Track]) -> None:
@@ -204,13 +241,6 @@ def _check_coordinates(archive: Archive, tracks: Sequence[Track]) -> None:
                 location=f"track {track.id!r}",
                 remedy="give the log that was compressed",
             )
-
-
-def _find_kind(name: str) -> PlotKind:
-    for each in PLOT_KINDS:
-        if each.name == name:
-            return each
-    raise OptionError(f"no kind {name!r} of pictures", remedy=f"there are {_names_of()}")
 
 
 def _names_of(*, several: bool = False) -> str:
