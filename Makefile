@@ -26,7 +26,7 @@ help:
 	@echo "make docs     draw the pictures of the documentation, and build its site in build/site"
 	@echo "make wheel    build in dist/ the source archive, and a wheel with compiled kernels for this platform and Python"
 	@echo "make man      write the man pages in build/man"
-	@echo "make demo     compress a generated robot patrol and draw the map that it learned, in demo/"
+	@echo "make demo     compress a generated robot patrol and draw the map that it learned over its points: demo/map.png"
 	@echo "make format   lay out the code and mend what ruff can mend"
 	@echo "make clean    remove the environment, the demo and all caches"
 

@@ -35,7 +35,7 @@ def test_only_kernels_import_numba():
 
 def test_heavy_libraries_of_one_purpose_are_imported_where_they_belong():
     homes = {
-        "matplotlib": {"view"},
+        "matplotlib": {"drawing", "view"},
         "pyogrio": {"io"},
         "pyproj": {"geo", "model"},
         "hypothesis": {"testing"},

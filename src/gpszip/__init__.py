@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from gpszip.sketches.coreset import Coreset, Cost
     from gpszip.sketches.pieces import PiecewiseLinear, polyline
     from gpszip.sketches.stream import CoresetStream
+    from gpszip.view.plot import plot
 
 __version__ = "0.1.0"
 
@@ -145,6 +146,7 @@ __all__ = [
     "open",
     "open_coreset",
     "patch",
+    "plot",
     "polyline",
     "read",
     "save_coreset",
@@ -246,6 +248,7 @@ _HOMES = {
         "polyline",
     ),
     "gpszip.sketches.stream": ("CoresetStream",),
+    "gpszip.view.plot": ("plot",),
 }
 
 

@@ -4,14 +4,15 @@ from pathlib import Path
 
 import gpszip as package
 
-FILES = {"patrol.csv", "patrol.gpsz", "knots.csv", "map.geojson", "map.png", "comparison.png"}
+FILES = {"patrol.csv", "patrol.gpsz", "knots.csv", "map.geojson", "map.png"}
 
 
-def test_demo_writes_log_archive_map_and_pictures(gpszip):
+def test_demo_writes_log_archive_map_and_picture(gpszip):
     done = gpszip("demo", "--points", "4000", "--out", "show")
     assert done.code == 0, done.err
     assert {path.name for path in Path("show").iterdir()} == FILES
     assert "4,000 points" in done.out
+    assert done.out.splitlines()[-1].startswith(f"look at {Path('show', 'map.png')}")
     assert len(package.read("show/patrol.csv")[0]) == 4000
     assert json.loads(Path("show/map.geojson").read_text())["features"]
 
@@ -47,3 +48,10 @@ def test_demo_without_matplotlib_names_the_extra(gpszip, monkeypatch):
     assert {path.name for path in Path("show").iterdir()} == {
         name for name in FILES if not name.endswith("png")
     }
+
+
+def test_the_picture_says_how_few_bytes_hold_the_points(gpszip):
+    gpszip("demo", "--points", "1500", "--out", "show")
+    size = Path("show/patrol.gpsz").stat().st_size
+    title = f"1,500 points as {size:,} bytes"
+    assert title.encode() in Path("show/map.png").read_bytes()

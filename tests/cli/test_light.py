@@ -14,6 +14,7 @@ HEAVY = ("numba", "scipy", "pyarrow", "matplotlib", "rich")
         (["--help"], 0),
         (["--version"], 0),
         (["compress", "--help"], 0),
+        (["plot", "--help"], 0),
         (["info", "two.gpsz"], 0),
         (["verify", "two.gpsz"], 0),
         (["compress"], 2),

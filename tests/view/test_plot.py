@@ -1,106 +1,126 @@
-import builtins
+from io import BytesIO
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 
-from gpszip.errors import MissingExtraError
-from gpszip.model import Plane, RoadMap, Track
-from gpszip.view.plot import draw_comparison, draw_map
+import gpszip
+from gpszip.cli.plot import _KINDS, _WIDTH
+from gpszip.drawing.style import COLUMN_WIDTH, PAGE_WIDTH, style
+from gpszip.errors import OptionError, OutputError, UnknownTrackError
+from gpszip.view.plot import PLOT_KINDS, plot
+from view_logs import LAPS, laps_archive
 
-SQUARE = RoadMap(
-    nodes=np.array([[0.0, 0.0], [40.0, 0.0], [40.0, 30.0], [0.0, 30.0]]),
-    edges=np.array([[0, 1], [0, 3], [1, 1], [1, 2], [2, 3]], np.int32),
-    forward=np.array([9, 1, 3, 1, 1]),
-    backward=np.array([7, 0, 0, 0, 0]),
-)
-WALK = Track("walk", np.arange(50.0), np.column_stack([np.linspace(0, 40, 50), np.zeros(50)]))
+NAMES = [each.name for each in PLOT_KINDS]
 
 
-def drawn(road_map):
-    axes = Figure().add_subplot()
-    draw_map(road_map, axes)
-    return axes
+@pytest.mark.parametrize("kind", NAMES)
+def test_every_kind_is_written(tmp_path, kind):
+    plot(laps_archive(), tmp_path / "a.pdf", kind=kind, raw=LAPS)
+    assert (tmp_path / "a.pdf").read_bytes().startswith(b"%PDF")
 
 
-def edge_lines(axes):
-    """The collections of edges on some axes."""
-    return [item for item in axes.collections if isinstance(item, LineCollection)]
+@pytest.mark.parametrize("kind", NAMES)
+@pytest.mark.parametrize("width", [60.0, 85.0, 175.0])
+def test_all_texts_are_inside_of_the_picture(kind, width):
+    with style():
+        figure = plot(laps_archive(), kind=kind, raw=LAPS, width=width, title="Laps")
+        figure.draw_without_rendering()
+        drawn, size = figure.get_tightbbox(), figure.get_size_inches()
+    assert (drawn.min > -0.01).all()
+    assert (drawn.max < size + 0.01).all()
 
 
-def test_map_draws_each_edge_but_stops():
-    (edges,) = edge_lines(drawn(SQUARE))
-    assert len(edges.get_segments()) == 4
+@pytest.mark.parametrize("kind", NAMES)
+def test_a_picture_without_legend_has_less_text(kind):
+    def count(legend):
+        figure = plot(laps_archive(), kind=kind, raw=LAPS, legend=legend)
+        return len(figure.texts) + len(figure.legends) + sum(len(a.texts) for a in figure.axes)
+
+    if kind != "space-time":  # the name of the only track is not written
+        assert count(False) < count(True)
 
 
-def test_busy_edges_are_wide():
-    (edges,) = edge_lines(drawn(SQUARE))
-    widths = edges.get_linewidths()
-    busiest = int(np.argmax(widths))
-    assert np.array_equal(edges.get_segments()[busiest], SQUARE.nodes[[0, 1]])
-    assert max(widths) > 3 * min(widths)
+def test_choices_of_the_command_line_are_those_of_the_table():
+    assert list(_KINDS) == NAMES
+    assert (_WIDTH.parse("column"), _WIDTH.parse("page")) == (COLUMN_WIDTH, PAGE_WIDTH)
+    assert _WIDTH.parse("8.5cm") == pytest.approx(85.0)
 
 
-def test_both_axes_have_the_same_scale():
-    assert drawn(SQUARE).get_aspect() == 1
+def test_the_map_is_the_default():
+    assert NAMES[0] == "map"
+    assert any(item.get_gid() == "map" for item in gpszip.plot(laps_archive()).axes[0].collections)
 
 
-def test_scale_bar_has_the_length_of_its_label():
-    axes = drawn(SQUARE)
-    bar = axes.lines[0].get_xdata()
-    left, right = axes.get_xlim()
-    assert axes.texts[0].get_text() == "5 m"
-    assert (bar[1] - bar[0]) * (right - left) == pytest.approx(5.0)
+def test_archives_are_taken_as_files_and_bytes(tmp_path):
+    laps_archive().save(tmp_path / "laps.gpsz")
+    data = laps_archive().to_bytes()
+    for source in (tmp_path / "laps.gpsz", str(tmp_path / "laps.gpsz"), data, BytesIO(data)):
+        assert plot(source, kind="segments").axes
 
 
-def test_map_without_edges():
-    lonely = RoadMap(
-        np.zeros((1, 2)), np.zeros((0, 2), np.int32), np.zeros(0, np.int64), np.zeros(0, np.int64)
-    )
-    assert not edge_lines(drawn(lonely))
+def test_no_archive_is_refused():
+    with pytest.raises(OptionError, match="no archive"):
+        plot([], kind="rate")
 
 
-def test_the_plane_with_most_nodes_is_drawn():
-    far = RoadMap(
-        nodes=np.vstack([[[5.0, 5.0]], SQUARE.nodes + np.array([Plane.SPREAD, 0])]),
-        edges=np.vstack([[[0, 1]], SQUARE.edges + 1]).astype(np.int32),
-        forward=np.r_[1, SQUARE.forward],
-        backward=np.r_[0, SQUARE.backward],
-        plane=Plane(((0, 0), (100_000_000, 100_000_000))),
-    )
-    axes = drawn(far)
-    (edges,) = edge_lines(axes)
-    assert len(edges.get_segments()) == 4
-    assert axes.get_xlim()[1] - axes.get_xlim()[0] < 100
+def test_an_unknown_kind_names_the_others():
+    with pytest.raises(OptionError, match=r"'pie' of pictures; there are map, segments, space-t"):
+        plot(laps_archive(), kind="pie")
 
 
-@pytest.mark.parametrize("suffix", ["png", "svg"])
-def test_files_are_pictures(tmp_path, suffix):
-    draw_map(SQUARE, tmp_path / f"map.{suffix}")
-    draw_comparison([WALK], SQUARE, tmp_path / f"comparison.{suffix}")
-    start = b"\x89PNG" if suffix == "png" else b"<?xml"
-    for name in ("map", "comparison"):
-        assert (tmp_path / f"{name}.{suffix}").read_bytes().startswith(start)
+def test_one_picture_shows_one_archive():
+    with pytest.raises(OptionError, match=r"map shows one archive, not 2; .*rate compares several"):
+        plot([laps_archive(), laps_archive()])
 
 
-def test_three_dimensional_maps_are_drawn_from_above(tmp_path):
-    road_map = RoadMap(
-        np.column_stack([SQUARE.nodes, [0, 1, 2, 3]]), SQUARE.edges, SQUARE.forward, SQUARE.backward
-    )
-    track = Track("flight", WALK.times, np.column_stack([WALK.positions, WALK.times]))
-    draw_comparison([track], road_map, tmp_path / "flight.png")
-    assert (tmp_path / "flight.png").stat().st_size > 5000
+def test_errors_need_the_log():
+    with pytest.raises(OptionError, match="--raw, in Python raw="):
+        plot(laps_archive(), kind="error")
 
 
-def test_missing_matplotlib_names_the_extra(tmp_path, monkeypatch):
-    real = builtins.__import__
+@pytest.mark.parametrize("kind", ["error", "space-time"])
+def test_kinds_over_time_need_times(kind):
+    shape = gpszip.compress(LAPS, max_error=1.0, times=False, effort=1)
+    with pytest.raises(OptionError, match=f"no times, so no picture of the kind {kind}"):
+        plot(shape, kind=kind, raw=LAPS)
 
-    def missing(name, *args, **kwargs):
-        if name.startswith("matplotlib"):
-            raise ImportError(name)
-        return real(name, *args, **kwargs)
 
-    monkeypatch.setattr(builtins, "__import__", missing)
-    with pytest.raises(MissingExtraError, match=r"gpszip\[plot\]"):
-        draw_map(SQUARE, tmp_path / "map.png")
+def test_a_log_of_another_kind_is_refused():
+    heights = np.column_stack([LAPS.positions, LAPS.times])
+    flight = gpszip.Track("laps", LAPS.times, heights)
+    with pytest.raises(
+        OptionError, match="track 'laps': the log is in x, y, z, the archive in x, y"
+    ):
+        plot(laps_archive(), raw=flight)
+
+
+def test_a_log_of_other_times_is_refused():
+    later = gpszip.Track("laps", LAPS.times + 1e6, LAPS.positions)
+    with pytest.raises(OptionError, match="cover no sample"):
+        plot(laps_archive(), kind="error", raw=later)
+
+
+def test_a_log_of_other_tracks_is_refused():
+    with pytest.raises(UnknownTrackError, match="stranger"):
+        plot(
+            laps_archive(),
+            kind="error",
+            raw=gpszip.Track("stranger", LAPS.times, LAPS.positions),
+        )
+
+
+def test_an_unknown_suffix_is_refused_and_nothing_written(tmp_path):
+    with pytest.raises(OutputError, match=r"\.png, \.svg, \.pdf"):
+        plot(laps_archive(), tmp_path / "map.tif")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["a$b$", "$\\broken{", "<b>&", "tab\there\x00"])
+def test_names_are_written_letter_by_letter(tmp_path, name):
+    tracks = [gpszip.Track(each, LAPS.times, LAPS.positions) for each in (name, "other")]
+    archive = gpszip.compress(tracks, max_error=0.5, effort=1)
+    plot(archive, tmp_path / "a.svg", kind="space-time", title=f"Tracks of {name}")
+    texts = {element.text for element in ElementTree.parse(tmp_path / "a.svg").iter()}
+    shown = name.replace("\t", "\ufffd").replace("\x00", "\ufffd")
+    assert {f" {shown}", f"Tracks of {shown}"} <= texts

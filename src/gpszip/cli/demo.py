@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,13 +13,13 @@ from gpszip.cli.outcome import Outcome
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
-    from gpszip.model import Report
+    from gpszip.model import Report, Track
     from gpszip.model.read_result import ReadResult
 
 __all__ = ["command"]
 
-#: Files that the demo writes; the pictures need the extra ``plot``.
-_FILES = ("patrol.csv", "patrol.gpsz", "knots.csv", "map.geojson", "map.png", "comparison.png")
+#: Files that the demo writes; the picture needs the extra ``plot``.
+_FILES = ("patrol.csv", "patrol.gpsz", "knots.csv", "map.geojson", "map.png")
 
 #: RMSE in metres, that of the thesis's ground robot.
 _RMSE = 0.24
@@ -48,7 +49,7 @@ _RMSE = 0.24
 def command(settings: Settings, out: str, seed: int, points: int, force: bool) -> Outcome:
     """Generate the patrol of a robot, compress it within 24 cm, decompress it, and write its map.
 
-    With the extra 'plot', map and comparison are drawn, too.
+    With the extra 'plot', the map is drawn over the log, too.
     """
     from gpszip.cli.output import print_json, print_status
     from gpszip.cli.progress import progress_bar
@@ -66,7 +67,7 @@ def command(settings: Settings, out: str, seed: int, points: int, force: bool) -
         archive, report = compress(read_result.tracks, Options(rmse=_RMSE), progress=listener)
     archive.save(folder / "patrol.gpsz", force=True)
     _write_decompressed(archive, folder)
-    missing = _draw(folder, read_result, archive, report)
+    missing = _draw(folder, read_result.tracks, archive)
 
     # Say what was written.
     written = sorted(path.name for path in folder.iterdir() if path.name in _FILES)
@@ -78,6 +79,8 @@ def command(settings: Settings, out: str, seed: int, points: int, force: bool) -
     click.echo(f"in {out}: {', '.join(written)}")
     if missing:
         print_status(missing)
+    else:
+        click.echo(f"look at {folder / 'map.png'}: the learned map over the points")
     return Outcome.DONE
 
 
@@ -134,21 +137,17 @@ def _write_decompressed(archive: Archive, folder: Path) -> None:
     write_map(archive.trimmed_map, folder / "map.geojson")
 
 
-def _draw(folder: Path, read_result: ReadResult, archive: Archive, report: Report) -> str:
-    """Draw map and comparison, or return what is missing for it."""
-    from gpszip.cli.units import format_bytes, format_length
+def _draw(folder: Path, tracks: Sequence[Track], archive: Archive) -> str:
+    """Draw the map over the log, or return what is missing for it."""
     from gpszip.errors import MissingExtraError
-    from gpszip.view.plot import draw_comparison, draw_map
+    from gpszip.view.plot import plot
 
-    title = (
-        f"{report.points:,} points ({format_bytes(read_result.bytes)}) as "
-        f"{report.bytes_out:,} bytes, RMSE {format_length(report.rmse)}"
-    )
+    points = sum(len(track) for track in tracks)
+    title = f"{points:,} points as {archive.size:,} bytes"
     try:
-        draw_map(archive, folder / "map.png")
-        draw_comparison(read_result.tracks, archive, folder / "comparison.png", title=title)
+        plot(archive, folder / "map.png", raw=tracks, title=title)
     except MissingExtraError as error:
-        return f"no pictures: {error}"
+        return f"no picture: {error}"
     return ""
 
 

@@ -44,6 +44,7 @@ _COMMANDS = (
     "compress",
     "decompress",
     "map",
+    "plot",
     "coreset",
     "network",
     "match",

@@ -37,7 +37,7 @@ def test_a_format_of_another_package_is_written(install_plugin, tmp_path, road_m
 def test_messages_name_the_formats_of_other_packages(install_plugin, tmp_path, road_map):
     install_plugin("gpszip.map_formats", TOY_FORMAT)
     assert map_suffixes()[-1] == ".toy"
-    with pytest.raises(OutputError, match=r"end it with one of \.geojson, .*, \.csv, \.toy"):
-        write_map(road_map, tmp_path / "map.png")
-    with pytest.raises(OutputError, match=r"no format 'png' for maps; there are geojson.* toy"):
-        write_map(road_map, tmp_path / "map", format="png")
+    with pytest.raises(OutputError, match=r"end it with one of \.geojson, .*, \.pdf, \.toy"):
+        write_map(road_map, tmp_path / "map.bmp")
+    with pytest.raises(OutputError, match=r"no format 'bmp' for maps; there are geojson.* toy"):
+        write_map(road_map, tmp_path / "map", format="bmp")

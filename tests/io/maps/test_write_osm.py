@@ -207,5 +207,5 @@ def test_a_map_in_metres_is_refused(tmp_path, road_map):
         write_map(road_map, tmp_path / "map.osm")
     assert caught.value.path == str(tmp_path / "map.osm")
     assert "in x and y" in caught.value.reason
-    assert caught.value.remedy == "write another format: geojson, graphml, gpkg, csv"
+    assert caught.value.remedy == "write another format: geojson, graphml, gpkg, csv, png, svg, pdf"
     assert list(tmp_path.iterdir()) == []

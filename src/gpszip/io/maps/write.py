@@ -63,6 +63,7 @@ class MapFormat:
 
 
 _write_geojson = deferred("gpszip.io.maps.geojson", "write_map_geojson")
+_write_picture = deferred("gpszip.io.maps.picture", "write_map_picture")
 
 #: Formats in the order in which help texts name them; the first is that of standard output.
 MAP_FORMATS: tuple[MapFormat, ...] = (
@@ -78,6 +79,9 @@ MAP_FORMATS: tuple[MapFormat, ...] = (
         "gpkg", (".gpkg",), deferred("gpszip.io.maps.gpkg", "write_map_gpkg"), is_binary=True
     ),
     MapFormat("csv", (".csv",), deferred("gpszip.io.maps.csv", "write_map_csv")),
+    MapFormat("png", (".png",), partial(_write_picture, kind="png"), is_binary=True),
+    MapFormat("svg", (".svg",), partial(_write_picture, kind="svg")),
+    MapFormat("pdf", (".pdf",), partial(_write_picture, kind="pdf"), is_binary=True),
 )
 
 
