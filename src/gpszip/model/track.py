@@ -190,14 +190,14 @@ def _check(track: Track) -> None:
         raise TrackError("no samples", location=name)
 
     # Numbers.
-    broken = ~(np.isfinite(times) & np.isfinite(positions).all(axis=1))
-    if broken.any():
+    if not (np.isfinite(times).all() and np.isfinite(positions).all()):
+        broken = ~(np.isfinite(times) & np.isfinite(positions).all(axis=1))
         raise TrackError(
             f"sample {int(broken.argmax())} is not finite",
             location=name,
             remedy="drop or repair such samples first",
         )
-    late = np.diff(times) <= 0
+    late = times[1:] <= times[:-1]
     if late.any():
         sample = int(late.argmax()) + 1
         raise TrackError(

@@ -16,6 +16,7 @@ from gpszip.errors import InputError
 from gpszip.io.logs.globe import GlobeCheck, find_zero_positions, format_off_globe
 from gpszip.io.logs.raw import RawLog, UnreadableCell
 from gpszip.io.logs.rows import LogRows
+from gpszip.io.values.finite import finite_rows
 from gpszip.model.read_result import Repair
 
 __all__ = [
@@ -59,7 +60,7 @@ def find_usable_rows(raw: RawLog, globe: GlobeCheck, repairs: list[Repair], *, c
     """
     # Count each dropped row once: by its time, else by its position.
     has_time = np.isfinite(raw.times)
-    has_position = np.asarray(np.isfinite(raw.coordinates).all(axis=1))
+    has_position = finite_rows(raw.coordinates)
     time_cell, position_cell = _first_unreadable_cells(raw)
     noun = raw.row_noun
     no_time, no_position = np.flatnonzero(~has_time), np.flatnonzero(has_time & ~has_position)
@@ -81,7 +82,7 @@ def find_usable_rows(raw: RawLog, globe: GlobeCheck, repairs: list[Repair], *, c
 def take_rows(raw: RawLog, rows: Rows) -> LogRows:
     """Return some rows of a batch; their codes are to be found."""
     # Without a change, arrays need no copies.
-    is_all = len(rows) == len(raw.times) and bool((np.diff(rows) == 1).all())
+    is_all = len(rows) == len(raw.times) and bool((rows[1:] > rows[:-1]).all())
     take = slice(None) if is_all else rows
     return LogRows(
         np.zeros(len(rows), np.int32),

@@ -35,6 +35,7 @@ from gpszip.io.logs.raw import RawLog, UnreadableCell
 from gpszip.io.logs.repeats import RepeatedRows
 from gpszip.io.logs.rows import RowStore
 from gpszip.io.storage.source import Source
+from gpszip.io.values.finite import finite_rows
 from gpszip.model.read_result import LeftOut, Loss, Repair
 
 __all__ = ["CleaningOptions", "FileCollector"]
@@ -145,7 +146,7 @@ class FileCollector:
 
         # Group them by the names of their tracks.
         names = names[rows]
-        if (np.diff(names) < 0).any():
+        if (names[1:] < names[:-1]).any():
             order = np.argsort(names, kind="stable")
             rows, names = rows[order], names[order]
 
@@ -179,7 +180,7 @@ class FileCollector:
             self._readable.update(_NEEDED)
         elif len(self._readable) < len(_NEEDED):
             has_time = np.isfinite(raw.times)
-            has_position = np.isfinite(raw.coordinates).all(axis=1)
+            has_position = finite_rows(raw.coordinates)
             has = (has_time, has_position, has_time & has_position)
             self._readable.update(w for w, rows in zip(_NEEDED, has, strict=True) if rows.any())
 

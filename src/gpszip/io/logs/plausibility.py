@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError
 from gpszip.io.logs.raw import GuessedUnit, RawLog, Request
+from gpszip.io.values.finite import finite_rows
 from gpszip.io.values.timestamps import TIME_UNITS, numbers_to_seconds, unit_seconds
 from gpszip.model.read_result import Repair
 
@@ -141,14 +142,10 @@ def check_plausible(raw: RawLog, request: Request) -> RawLog:
         If times or positions are certainly read in a wrong way.
     """
     # Take the points that can be used, track by track.
-    good = np.isfinite(raw.times) & np.isfinite(raw.coordinates).all(axis=1)
-    rows = np.flatnonzero(good)
-    if len(rows) < 3:
+    good = np.isfinite(raw.times) & finite_rows(raw.coordinates)
+    if np.count_nonzero(good) < 3:
         return raw
-    if raw.codes is not None:
-        rows = rows[np.argsort(raw.codes[rows], kind="stable")]
-    track = np.zeros(len(rows), np.int64) if raw.codes is None else raw.codes[rows].astype(np.int64)
-    times, coordinates = raw.times[rows], raw.coordinates[rows]
+    times, coordinates, track = _good_points(raw, good)
 
     # Check positions: are metres degrees?
     if not raw.geographic:
@@ -156,7 +153,7 @@ def check_plausible(raw: RawLog, request: Request) -> RawLog:
         return raw if doubt is None else replace(raw, repairs=(*raw.repairs, doubt))
 
     # Check the unit of times. Positions off the globe are handled by clean_log.
-    if raw.guessed_unit is None or np.abs(coordinates[:, 0]).max() > 90:
+    if raw.guessed_unit is None or _largest(coordinates[:, 0]) > 90:
         return raw
     if _are_spreadsheet_days(raw.guessed_unit, times, coordinates, track):
         converted = replace(
@@ -169,6 +166,17 @@ def check_plausible(raw: RawLog, request: Request) -> RawLog:
     return raw
 
 
+def _good_points(raw: RawLog, good: NDArray[np.bool_]) -> tuple[Floats, Floats, NDArray[np.int64]]:
+    """Return times, coordinates and codes of the points that can be used, track by track."""
+    # Most logs need no copy: all points are good, and those of a track follow each other.
+    codes = np.zeros(len(good), np.int64) if raw.codes is None else raw.codes
+    rows: NDArray[np.intp] | slice = slice(None) if good.all() else np.flatnonzero(good)
+    taken = codes[rows]
+    if (taken[1:] < taken[:-1]).any():
+        rows = np.flatnonzero(good)[np.argsort(taken, kind="stable")]
+    return raw.times[rows], raw.coordinates[rows], codes[rows].astype(np.int64, copy=False)
+
+
 def note_spreadsheet_days(raw: RawLog) -> RawLog:
     """Record that times were read as days of a spreadsheet.
 
@@ -179,7 +187,7 @@ def note_spreadsheet_days(raw: RawLog) -> RawLog:
     """
     first, last = numbers_to_seconds(np.array(_SPREADSHEET_DAYS), "excel")
     outside = (raw.times < first) | (raw.times >= last)
-    outside &= np.isfinite(raw.coordinates).all(axis=1)
+    outside &= finite_rows(raw.coordinates)
     if outside.any():
         row = raw.first + int(outside.argmax())
         raise InputError(
@@ -296,19 +304,14 @@ def _degrees_as_metres(
 
     # Are the numbers possible as degrees, and either far from the origin or far apart?
     x, y = coordinates[:, 0], coordinates[:, 1]
-    is_swapped = np.abs(y).max() > 90
+    is_swapped = _largest(y) > 90
     lon, lat = (y, x) if is_swapped else (x, y)
     extent = max(float(np.ptp(x)), float(np.ptp(y)))
-    offset = max(abs(float(np.median(x))), abs(float(np.median(y))))
-    is_far = offset >= _MIN_OFFSET_EXTENTS * extent
+    if _largest(lat) > 90 or _largest(lon) > 180 or extent < _MIN_EXTENT:
+        return None
+    is_far = _are_far(x, y, extent)
     is_wide = extent >= _MIN_WIDE_EXTENT
-    if (
-        np.abs(lat).max() > 90
-        or np.abs(lon).max() > 180
-        or extent < _MIN_EXTENT
-        or not (_has_many_decimals(x) or _has_many_decimals(y))
-        or not (is_far or is_wide)
-    ):
+    if not (is_far or is_wide) or not (_has_many_decimals(x) or _has_many_decimals(y)):
         return None
 
     # Are the speeds in metres those of a snail, and the speeds in degrees those of travel?
@@ -341,6 +344,20 @@ def _degrees_as_metres(
         )
     what = f"positions read as metres, but they look like degrees; if they are, name them: {remedy}"
     return Repair(what, len(times), raw.name, drops=False)
+
+
+def _are_far(x: Floats, y: Floats, extent: float) -> bool:
+    """Whether the medians are farther from the origin than a multiple of the extent."""
+    # No median is farther than the farthest number, which takes less time to find.
+    limit = _MIN_OFFSET_EXTENTS * extent
+    if max(_largest(x), _largest(y)) < limit:
+        return False
+    return max(abs(float(np.median(x))), abs(float(np.median(y)))) >= limit
+
+
+def _largest(axis: Floats) -> float:
+    """Largest absolute value."""
+    return max(float(axis.max()), -float(axis.min()))
 
 
 def _has_many_decimals(axis: Floats) -> bool:

@@ -35,6 +35,12 @@ __all__ = ["TimeColumn", "find_date_order", "join_time_columns", "read_times"]
 #: Least number of rows that show whether numbers are times of day.
 _MIN_CLOCK_ROWS = 10
 
+#: Rows that are read as hours, minutes and seconds at a time.
+_CLOCK_ROWS = 1 << 14
+
+#: Midnight at the end of a day, as hours, minutes and seconds.
+_CLOCK_END = 240_000
+
 #: Number of letters of a cell that messages show.
 _MAX_SHOWN_LETTERS = 80
 
@@ -227,13 +233,11 @@ def _refuse_clock_numbers(cells: Any, where: str, location: str) -> None:
     # All of them must be possible times of day.
     values = to_floats(cells)
     values = values[np.isfinite(values)]
-    hours, minutes, secs = values // 10_000, values // 100 % 100, values % 100
-    is_clock = (values >= 0) & (hours < 24) & (minutes < 60) & (secs < 60)
-    if len(values) < _MIN_CLOCK_ROWS or not is_clock.all():
+    clock = _read_clock_numbers(values)
+    if len(values) < _MIN_CLOCK_ROWS or clock is None:
         return
 
     # Count the distinct steps of both readings.
-    clock = 3600 * hours + 60 * minutes + secs
     steps_as_seconds, steps_as_clock = (
         len(np.unique(np.round(np.diff(times), 3))) for times in (values, clock)
     )
@@ -251,6 +255,22 @@ def _refuse_clock_numbers(cells: Any, where: str, location: str) -> None:
             remedy=f"write {first[:2]}:{first[2:4]}:{first[4:]}, "
             "or say that they are seconds: --time-unit s",
         )
+
+
+def _read_clock_numbers(values: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return the seconds since midnight of numbers hhmmss; None if one of them is none."""
+    # Most columns show in their first rows that they hold something else.
+    clock = np.empty(len(values))
+    for first in range(0, len(values), _CLOCK_ROWS):
+        rows = slice(first, first + _CLOCK_ROWS)
+        part = values[rows]
+        if part.min() < 0 or part.max() >= _CLOCK_END:
+            return None
+        hours, minutes, secs = part // 10_000, part // 100 % 100, part % 100
+        if minutes.max() >= 60 or secs.max() >= 60:
+            return None
+        clock[rows] = 3600 * hours + 60 * minutes + secs
+    return clock
 
 
 def _guess_unit(cells: Any, name: str) -> GuessedUnit | None:
