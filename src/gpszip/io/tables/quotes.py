@@ -61,7 +61,7 @@ def check_quotes(source: Source, encoding: str, delimiter: str, rows: int) -> No
 
 
 def _count_line_ends(block: bytes) -> int:
-    """Count \\n, \\r and \\r\\n once each."""
+    r"""Count \n, \r and \r\n once each."""
     # NumPy counts single bytes several times as fast as bytes.count does.
     feeds = int(np.count_nonzero(np.frombuffer(block, np.uint8) == ord("\n")))
     returns = block.count(b"\r") - block.count(b"\r\n") if b"\r" in block else 0
