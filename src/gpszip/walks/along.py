@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["interpolate_positions"]
+__all__ = ["interpolate_between", "interpolate_positions"]
 
 
 def interpolate_positions(
@@ -41,10 +41,44 @@ def interpolate_positions(
     >>> interpolate_positions(*knots, np.array([False]), np.array([4.0, 11.0]), 0.001).tolist()
     [[2.0], [nan]]
     """
-    # The knots around each time; before, after and in gaps there is no segment.
+    # The knots around each time.
     after = np.searchsorted(knot_times, times, side="right")
     left, right = np.maximum(after - 1, 0), np.minimum(after, len(knot_times) - 1)
-    off = np.flatnonzero((left == right) | np.append(gaps, True)[left])
+    return interpolate_between(
+        knot_times, knot_positions, np.append(gaps, True), left, right, times, slack
+    )
+
+
+def interpolate_between(
+    knot_times: NDArray[np.float64],
+    knot_positions: NDArray[np.float64],
+    gap_after: NDArray[np.bool_],
+    left: NDArray[np.intp],
+    right: NDArray[np.intp],
+    times: NDArray[np.float64],
+    slack: float,
+) -> NDArray[np.float64]:
+    """Positions between given knots, as :func:`interpolate_positions` computes them.
+
+    Parameters
+    ----------
+    knot_times, knot_positions : float64 arrays, shape (k,) and (k, d)
+        Knots of one walk, or of several.
+    gap_after : bool array, shape (k,)
+        Whether no travel is claimed from each knot to the next.
+    left, right : int arrays, shape (n,)
+        Knots before and after each time; the same knot where the walk has only one of them.
+    times : float64 array, shape (n,)
+        Times in any order.
+    slack : float
+        As for :func:`interpolate_positions`.
+
+    Returns
+    -------
+    float64 array, shape (n, d)
+    """
+    # Before, after and in gaps there is no segment.
+    off = np.flatnonzero((left == right) | gap_after[left])
 
     # On a segment.
     since, duration = times - knot_times[left], knot_times[right] - knot_times[left]
