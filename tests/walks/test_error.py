@@ -100,10 +100,7 @@ def test_errors_of_many_tracks_are_those_of_each_alone(seed):
         tracks.append(Track(f"{number}", sampled, rng.normal(0, 50, (len(sampled), 2))))
     together = measure_errors(tracks, walks, nodes)
     alone = np.concatenate(
-        [
-            synchronised_errors(track, walk, nodes)
-            for track, walk in zip(tracks, walks, strict=True)
-        ]
+        [synchronised_errors(track, walk, nodes) for track, walk in zip(tracks, walks, strict=True)]
     )
     known = alone[~np.isnan(alone)]
     assert together.uncovered == np.isnan(alone).sum()

@@ -17,7 +17,7 @@ from gpszip.model import Plane, Track
 from gpszip.model.projection import (
     UNITS_PER_DEGREE,
     plane_indices,
-    projection,
+    project,
     to_geographic,
 )
 
@@ -118,14 +118,14 @@ def to_plane(lat: ArrayLike, lon: ArrayLike, plane: Plane) -> Floats:
     lat, lon = np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64)
     positions = np.empty((len(lat), 2))
     if len(plane.centers) == 1:
-        positions[:, 0], positions[:, 1] = projection(plane.centers[0]).transform(lon, lat)
+        positions[:, 0], positions[:, 1] = project(lat, lon, plane.centers[0])
         return positions
 
     # Several planes, side by side in x.
     assigned = _assign_planes(_unit_vectors(lat, lon), plane)
     for i in np.unique(assigned).tolist():
         is_on = assigned == i
-        x, y = projection(plane.centers[i]).transform(lon[is_on], lat[is_on])
+        x, y = project(lat[is_on], lon[is_on], plane.centers[i])
         positions[is_on, 0], positions[is_on, 1] = x + i * Plane.SPREAD, y
     return positions
 
@@ -202,7 +202,8 @@ def _unit_vectors(lat: Floats, lon: Floats) -> Floats:
     """Return directions from the earth's centre, taken as a sphere; shape (n, 3)."""
     lat, lon = np.radians(lat), np.radians(lon)
     equatorial = np.cos(lat)
-    return np.stack([equatorial * np.cos(lon), equatorial * np.sin(lon), np.sin(lat)], axis=1)
+    components = np.stack([equatorial * np.cos(lon), equatorial * np.sin(lon), np.sin(lat)])
+    return components.T
 
 
 def _round_center(lat: float, lon: float) -> tuple[int, int]:
@@ -216,7 +217,7 @@ def _round_center(lat: float, lon: float) -> tuple[int, int]:
 
 def _median_center(directions: Floats) -> tuple[int, int] | None:
     """Return the centre at the componentwise median of directions; None if it is near zero."""
-    x, y, z = np.median(directions, axis=0)
+    x, y, z = (np.median(axis) for axis in directions.T)
     equatorial = np.hypot(x, y)
     if np.hypot(equatorial, z) < _MIN_MEDIAN_LENGTH:
         return None

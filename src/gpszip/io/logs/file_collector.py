@@ -301,16 +301,17 @@ class FileCollector:
         own = slice(self.tracks.first_code, self.tracks.next_code)
         at_other = repeated.at_other[own]
         usable = np.bincount(tracks["name"], tracks["rows"] - at_other, minlength=name_count)
-        lost = (self.tracks.points - usable).astype(np.int64).tolist()
+        lost = (self.tracks.points - usable).astype(np.int64)
         shared = np.zeros(name_count, np.int64)
         np.maximum.at(shared, tracks["name"], repeated.shared[own])
 
         # Rows that the reader itself dropped can't be assigned to a track.
         losses = loss_if_large("", self.name, self.dropped_by_reader, self.points)
         left_out = {item.name for item in self.left_out}
-        for i, name in enumerate(self.tracks.names):
+        for i in np.flatnonzero(lost).tolist():
+            name = self.tracks.names[i]
             if f"{self.name}: track {name!r}" not in left_out:
                 track = unnamed if name is None else name
                 points = int(self.tracks.points[i])
-                losses += loss_if_large(track, self.name, lost[i], points, int(shared[i]))
+                losses += loss_if_large(track, self.name, int(lost[i]), points, int(shared[i]))
         return losses
