@@ -48,6 +48,20 @@ def test_query_order_does_not_matter():
     )
 
 
+@pytest.mark.parametrize("in_order", [True, False])
+def test_many_times_about_unevenly_spaced_knots_have_the_positions_of_single_times(in_order):
+    # Knots in bursts, a gap, and times on knots, between them and outside.
+    rng = np.random.default_rng(4)
+    knots = np.unique(np.concatenate([rng.normal(c, 1e-3, 40) for c in (0.0, 5.0, 5.1, 900.0)]))
+    walk = Walk("a", np.arange(len(knots), dtype=np.int32), knots, rng.random(len(knots) - 1) < 0.1)
+    nodes = rng.normal(0, 9, (len(knots), 2))
+    times = np.concatenate([knots, rng.uniform(-10, 910, 2000), rng.normal(5, 0.1, 2000)])
+    times = np.sort(times) if in_order else rng.permutation(times)
+    together = positions_at(walk, nodes, times)
+    alone = np.concatenate([positions_at(walk, nodes, times[[i]]) for i in range(len(times))])
+    np.testing.assert_array_equal(together, alone)
+
+
 def test_non_finite_times_have_no_position():
     nodes, walk, _ = random_walk(2)
     assert np.isnan(positions_at(walk, nodes, np.array([np.nan, np.inf, -np.inf]))).all()

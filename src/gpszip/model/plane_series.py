@@ -27,6 +27,9 @@ MIN_POSITIONS = 10_000
 #: First eccentricity of WGS84, whose flattening is 1 / 298.257223563.
 _ECCENTRICITY = float(np.sqrt((2 - 1 / 298.257223563) / 298.257223563))
 
+#: Degrees in a radian.
+_DEGREES = 180.0 / np.pi
+
 #: Metres in a radian of latitude at the equator or more.
 _METRES_PER_RADIAN = 6.4e6
 
@@ -50,7 +53,7 @@ _ANGLE_NOISE = 2e-15
 _CHECKS = 32
 
 #: Positions that are projected at a time, which fit into a processor's cache.
-_BLOCK = 4096
+_BLOCK = 8192
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -96,7 +99,7 @@ class _Series:
 
     def __call__(self, values: NDArray[np.inexact]) -> NDArray[np.inexact]:
         """Evaluate it by Horner's scheme."""
-        scaled = (values - self.center) / self.radius
+        scaled = (values - self.center) * (1.0 / self.radius)
         result = np.full(len(values), self.coefficients[-1])
         for coefficient in self.coefficients[-2::-1]:
             result *= scaled
@@ -163,12 +166,12 @@ def _unproject(
     lat, lon = np.empty(len(x)), np.empty(len(x))
     for first in range(0, len(x), _BLOCK):
         rows = slice(first, first + _BLOCK)
-        isometric = to_isometric(y[rows] + 1j * x[rows])
-        lat[rows] = np.degrees(to_latitude(isometric.real))
-        lon[rows] = np.degrees(isometric.imag)
-    lon += lon_0
-    beyond = np.abs(lon) > 180
-    if beyond.any():
+        isometric = to_isometric(_complex(y[rows], x[rows]))
+        np.multiply(to_latitude(isometric.real), _DEGREES, out=lat[rows])
+        np.multiply(isometric.imag, _DEGREES, out=lon[rows])
+        lon[rows] += lon_0
+    if max(float(lon.max()), -float(lon.min())) > 180:
+        beyond = np.abs(lon) > 180
         lon[beyond] -= np.copysign(360.0, lon[beyond])
     return lat, lon
 
@@ -181,17 +184,25 @@ def _project(
     x, y = np.empty(len(lat)), np.empty(len(lat))
     for first in range(0, len(lat), _BLOCK):
         rows = slice(first, first + _BLOCK)
-        east = np.radians(_turn(lon[rows], lon_0))
-        metres = to_metres(to_isometric(np.radians(lat[rows])) + 1j * east)
+        isometric = to_isometric(lat[rows] * (1.0 / _DEGREES))
+        east = _turn(lon[rows], lon_0) * (1.0 / _DEGREES)
+        metres = to_metres(_complex(isometric, east))
         x[rows], y[rows] = metres.imag, metres.real
     return x, y
+
+
+def _complex(real: Floats, imaginary: Floats) -> Complexes:
+    """Complex numbers of both parts."""
+    values = np.empty(len(real), np.complex128)
+    values.real, values.imag = real, imaginary
+    return values
 
 
 def _turn(lon: Floats, lon_0: float) -> Floats:
     """Degrees from a meridian to the east, from -180 to 180."""
     east = lon - lon_0
-    beyond = np.abs(east) > 180
-    if beyond.any():
+    if max(float(east.max()), -float(east.min())) > 180:
+        beyond = np.abs(east) > 180
         east[beyond] -= np.round(east[beyond] / 360) * 360
     return east
 
@@ -318,13 +329,13 @@ def _shortened(
 ) -> _Series | None:
     """Leave out the last coefficients, which are rounding errors; None if there are none of these.
 
-    Neighbours of a rounding error may be smaller and add up to one: two more are kept.
+    The next one is kept, as it may be nearly as large as a rounding error.
     """
     large = np.flatnonzero(np.abs(coefficients) > noise)
     last = int(large[-1]) if len(large) else 0
     if last >= len(coefficients) - 3:
         return None
-    return _Series(center, radius, coefficients[: last + 3])
+    return _Series(center, radius, coefficients[: last + 2])
 
 
 def _isometric(lat: Floats) -> Floats:
