@@ -185,6 +185,8 @@ def _read_packed(cursor: Cursor, count: int) -> tuple[str, ...]:
     text = _unpack(packing, body, count, offset)
     if text.count(b"\n") != count - 1:
         raise cursor.error(f"names are not those of {count} tracks")
+    if _INNER_NEWLINE not in text:
+        return tuple(_decode_text(text, cursor).split("\n"))
     return tuple(
         _decode_text(name.replace(_INNER_NEWLINE, b"\n"), cursor) for name in text.split(b"\n")
     )

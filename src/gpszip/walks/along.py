@@ -52,7 +52,8 @@ def interpolate_positions(
     """
     # Block by block, which fits into a processor's cache.
     after = _count_knots_before(knot_times, times)
-    gap_after = np.append(gaps, True)
+    gap_after = np.ones(len(knot_times), np.bool_)
+    gap_after[:-1] = gaps
     positions = np.empty((len(times), knot_positions.shape[1]))
     for first in range(0, len(times), _BLOCK):
         # The knots around each time.
