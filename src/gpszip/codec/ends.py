@@ -387,7 +387,8 @@ def _pieces_of_ranges(
     so_far = np.empty(len(walk), np.int64)
     so_far[order] = np.cumsum(~is_time[order]) - 1
     first_pieces = np.cumsum(pieces.counts) - pieces.counts
-    return np.maximum(so_far[len(starts) :], first_pieces[of_walk])
+    numbers: NDArray[np.int64] = np.maximum(so_far[len(starts) :], first_pieces[of_walk])
+    return numbers
 
 
 def _round_to_ticks(

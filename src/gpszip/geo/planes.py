@@ -44,6 +44,16 @@ _CENTERS_PER_DEGREE = 100
 #: A median direction shorter than this belongs to samples all over the globe, without a middle.
 _MIN_MEDIAN_LENGTH = 0.5
 
+#: Samples from which on the centre is first sought in single precision.
+_MIN_ROUGH_SAMPLES = 10_000
+
+#: Errors of single precision at most: degrees of a median direction, and cosines. Directions are
+#: good to 5e-7 each; longitudes of directions near a pole are not, nor are short medians.
+_ROUGH_DEGREES = 5e-4
+_ROUGH_COSINE = 1e-5
+_MIN_ROUGH_EQUATORIAL = 0.1
+_MIN_ROUGH_LENGTH = 0.6
+
 Floats = NDArray[np.float64]
 
 
@@ -71,8 +81,12 @@ def choose_plane(lat: ArrayLike, lon: ArrayLike) -> Plane:
     >>> choose_plane([52.5, 52.5, -33.9], [13.4, 13.4, 151.2]).centers
     ((525000000, 134000000), (-339000000, 1512000000))
     """
-    # Directions from the earth's centre as unit vectors.
     lat, lon = np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64)
+    rough = _choose_roughly(lat, lon)
+    if rough is not None:
+        return Plane((rough,))
+
+    # Directions from the earth's centre as unit vectors.
     directions = _unit_vectors(lat, lon)
     uncovered = np.arange(len(lat))
     centers = []
@@ -196,6 +210,31 @@ def plane_changes(positions: ArrayLike, plane: Plane | None) -> NDArray[np.bool_
         return np.zeros(max(len(np.asarray(positions)) - 1, 0), dtype=np.bool_)
     changed: NDArray[np.bool_] = np.diff(plane_indices(positions, plane)) != 0
     return changed
+
+
+def _choose_roughly(lat: Floats, lon: Floats) -> tuple[int, int] | None:
+    """Choose the centre of plane 0 in single precision, five times as fast.
+
+    None if there are few samples, if other planes may be needed, or if the rounding of single
+    precision may matter.
+    """
+    # All directions, and their median.
+    if len(lat) < _MIN_ROUGH_SAMPLES or not (np.isfinite(lat).all() and np.isfinite(lon).all()):
+        return None
+    lat_32, lon_32 = np.radians(lat.astype(np.float32)), np.radians(lon.astype(np.float32))
+    equatorial = np.cos(lat_32)
+    directions = equatorial * np.cos(lon_32), equatorial * np.sin(lon_32), np.sin(lat_32)
+    x, y, z = (float(np.median(axis)) for axis in directions)
+    if np.hypot(x, y) < _MIN_ROUGH_EQUATORIAL or np.hypot(np.hypot(x, y), z) < _MIN_ROUGH_LENGTH:
+        return None
+
+    # The centre must not be next to where rounding goes the other way.
+    middle = np.degrees([np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x)])
+    low, high = (_round_center(*(middle + error)) for error in (-_ROUGH_DEGREES, _ROUGH_DEGREES))
+    axis = _unit_vectors(*(np.array([degrees / UNITS_PER_DEGREE]) for degrees in low))[0]
+    cosines = sum(np.float32(a) * component for a, component in zip(axis, directions, strict=True))
+    is_near = float(np.min(cosines)) > np.cos(PLANE_RADIUS / _EARTH_RADIUS) + _ROUGH_COSINE
+    return low if low == high and is_near else None
 
 
 def _unit_vectors(lat: Floats, lon: Floats) -> Floats:

@@ -71,14 +71,16 @@ class _Disk:
     def circle(self) -> Complexes:
         """Points at equal distances on its edge."""
         turns = np.arange(_NODES) / _NODES
-        return self.center + self.radius * np.exp(2j * np.pi * turns)
+        points: Complexes = self.center + self.radius * np.exp(2j * np.pi * turns)
+        return points
 
     @property
     def inner_points(self) -> Complexes:
         """Points all over it, on a spiral."""
         numbers = np.arange(_CHECKS)
         radii = self.radius * np.sqrt((numbers + 0.5) / _CHECKS)
-        return self.center + radii * np.exp(2.4j * numbers)
+        points: Complexes = self.center + radii * np.exp(2.4j * numbers)
+        return points
 
 
 @dataclass(frozen=True)
@@ -186,7 +188,7 @@ def _project(
         rows = slice(first, first + _BLOCK)
         isometric = to_isometric(lat[rows] * (1.0 / _DEGREES))
         east = _turn(lon[rows], lon_0) * (1.0 / _DEGREES)
-        metres = to_metres(_complex(isometric, east))
+        metres = to_metres(_complex(isometric.real, east))
         x[rows], y[rows] = metres.imag, metres.real
     return x, y
 
@@ -313,9 +315,9 @@ def _series_between(
 
     # Without its middle, values are smaller, and so are rounding errors.
     middle = function(np.array([center]))
-    fitted = chebyshev.chebinterpolate(
-        lambda points: function(center + radius * points) - middle, _INTERVAL_NODES - 1
-    )
+    points = chebyshev.chebpts1(_INTERVAL_NODES)
+    values = function(center + radius * points) - middle
+    fitted = chebyshev.chebfit(points, values, _INTERVAL_NODES - 1)
     shortened = _shortened(center, radius, fitted, _ANGLE_NOISE)
     if shortened is None:
         return None

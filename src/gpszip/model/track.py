@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -187,7 +188,7 @@ def tracks_from_rows(
     # A track that is wrong says so itself.
     tracks = []
     for name, rows in zip(ids, bounds, strict=True):
-        values = {
+        values: dict[str, Any] = {
             "id": name,
             "times": times[rows],
             "positions": positions[rows],

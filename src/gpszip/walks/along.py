@@ -147,7 +147,7 @@ def _count_knots_before(
     until = np.searchsorted(knot_times, begin + np.arange(buckets) * (duration / buckets))
     with np.errstate(invalid="ignore"):
         bucket = ((times - begin) * (buckets / duration)).astype(np.intp)
-    after = until[np.clip(bucket, 0, buckets - 1)]
+    after: NDArray[np.intp] = until[np.clip(bucket, 0, buckets - 1)]
     padded = np.concatenate([[-np.inf], knot_times, [np.inf]])
     wrong = np.flatnonzero(~((padded[after] <= times) & (times < padded[after + 1])))
     after[wrong] = np.searchsorted(knot_times, times[wrong], side="right")

@@ -112,7 +112,7 @@ def _travelled_pairs(walks: Sequence[Walk | GridWalk]) -> NDArray[np.int32]:
     starts = np.ones(len(nodes), np.bool_)
     starts[np.cumsum(counts + 1) - 1] = False
     first = np.flatnonzero(starts)
-    pairs: NDArray[np.int32] = np.stack((nodes[first], nodes[first + 1]), axis=1)
+    pairs = np.stack((nodes[first], nodes[first + 1]), axis=1)
 
     # Those that are travel.
     moved = ~np.concatenate([walk.gaps for walk in walks]) & (pairs[:, 0] != pairs[:, 1])
@@ -120,7 +120,8 @@ def _travelled_pairs(walks: Sequence[Walk | GridWalk]) -> NDArray[np.int32]:
     if bounded:
         is_bounded = [isinstance(walk, Walk) and _has_time_ranges(walk) for walk in walks]
         moved[np.repeat(is_bounded, counts)] &= _are_within_pieces(bounded)
-    return pairs[moved]
+    travelled: NDArray[np.int32] = pairs[moved]
+    return travelled
 
 
 def _has_time_ranges(walk: Walk) -> bool:

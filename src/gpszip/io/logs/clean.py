@@ -105,7 +105,7 @@ def _first_unreadable_cells(raw: RawLog) -> tuple[UnreadableCell | None, Unreada
 
 def _drop_off_globe(raw: RawLog, rows: Rows, globe: GlobeCheck, repairs: list[Repair]) -> Rows:
     """Drop positions off the globe."""
-    off = globe.find(raw.coordinates[rows], rows + raw.first, raw.name, raw.row_noun)
+    off = globe.find(_coordinates_of(raw, rows), rows + raw.first, raw.name, raw.row_noun)
     if not off.any():
         return rows
     value = format_off_globe(raw.coordinates[rows[off.argmax()]])
@@ -116,9 +116,14 @@ def _drop_off_globe(raw: RawLog, rows: Rows, globe: GlobeCheck, repairs: list[Re
     return kept
 
 
+def _coordinates_of(raw: RawLog, rows: Rows) -> NDArray[np.float64]:
+    """Return the coordinates of increasing rows, which are mostly all of a batch: no copy then."""
+    return raw.coordinates if len(rows) == len(raw.coordinates) else raw.coordinates[rows]
+
+
 def _handle_zero_positions(raw: RawLog, rows: Rows, repairs: list[Repair], *, clean: bool) -> Rows:
     """Drop positions at 0,0 if all others are far from there, or only report them first."""
-    zero = find_zero_positions(raw.coordinates[rows])
+    zero = find_zero_positions(_coordinates_of(raw, rows))
     if not zero.any():
         return rows
     if clean:

@@ -100,8 +100,8 @@ class _Motion:
         Seconds from the first point of a window to the last.
     displacement : float64 array, shape (w,)
         Metres between these two points.
-    path_length : float64 array, shape (w,)
-        Metres along all points between them.
+    path_length : float64 array, shape (w,) or (0,)
+        Metres along all points between them; empty where it was not asked for.
     median_step : float
         Median of the seconds between successive points.
     """
@@ -316,7 +316,8 @@ def _degrees_as_metres(
 
     # Are the speeds in metres those of a snail, and the speeds in degrees those of travel?
     as_metres = _measure_motion(times, np.stack([x, y], axis=1), track, geographic=False)
-    as_degrees = _measure_motion(times, np.stack([lat, lon], axis=1), track)
+    degrees = np.stack([lat, lon], axis=1)
+    as_degrees = _measure_motion(times, degrees, track, with_paths=True)
     crawl, speed = as_metres.median_speed(), as_degrees.median_speed()
     if not (crawl < _MAX_CRAWL_SPEED and _TRAVEL_SPEEDS[0] <= speed <= _TRAVEL_SPEEDS[1]):
         return None
@@ -370,16 +371,16 @@ def _has_many_decimals(axis: Floats) -> bool:
 
 
 def _measure_motion(
-    times: Floats, coordinates: Floats, track: NDArray[np.int64], *, geographic: bool = True
+    times: Floats,
+    coordinates: Floats,
+    track: NDArray[np.int64],
+    *,
+    geographic: bool = True,
+    with_paths: bool = False,
 ) -> _Motion:
     """Measure windows of successive points of one track."""
-    # Measure steps from point to point.
-    steps = _distances(coordinates[:-1], coordinates[1:], geographic)
-    same_track = np.diff(track) == 0
-    durations = np.diff(times)[same_track]
-    path = np.append(0.0, np.cumsum(np.where(same_track, steps, 0.0)))
-
     # Windows begin and end at every 16th point of a track, and where tracks begin and end.
+    same_track = track[1:] == track[:-1]
     first_of_track = np.flatnonzero(np.append(True, ~same_track))
     lengths = np.diff(np.append(first_of_track, len(times)))
     index_in_track = np.arange(len(times)) - np.repeat(first_of_track, lengths)
@@ -389,12 +390,20 @@ def _measure_motion(
     in_one_track = track[begin] == track[end]
     begin, end = begin[in_one_track], end[in_one_track]
 
+    # Add up steps from point to point.
+    path_length = np.zeros(0)
+    if with_paths:
+        steps = _distances(coordinates[:-1], coordinates[1:], geographic)
+        path = np.append(0.0, np.cumsum(np.where(same_track, steps, 0.0)))
+        path_length = path[end] - path[begin]
+
     # Measure the windows. Steps back in time and repeated times don't count for the median step.
+    durations = np.diff(times)[same_track]
     positive = durations[durations > 0]
     return _Motion(
         duration=times[end] - times[begin],
         displacement=_distances(coordinates[begin], coordinates[end], geographic),
-        path_length=path[end] - path[begin],
+        path_length=path_length,
         median_step=float(np.median(positive)) if len(positive) else np.inf,
     )
 

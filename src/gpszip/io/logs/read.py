@@ -247,7 +247,7 @@ def _share_rows(log: CollectedLog, blocks: Sequence[LogRows]) -> list[Track]:
     if log.geographic:
         plane = choose_plane(coordinates[:, 0], coordinates[:, 1])
         coordinates = to_plane(coordinates[:, 0], coordinates[:, 1], plane)
-    parts = [len(track.codes) for track in log.tracks]
+    parts = np.array([len(track.codes) for track in log.tracks])
     counts = np.add.reduceat(count[codes], np.cumsum(parts) - parts)
     names = [track.name for track in log.tracks]
     return tracks_from_rows(names, counts.tolist(), rows.times, coordinates, rows.attributes, plane)
@@ -256,7 +256,8 @@ def _share_rows(log: CollectedLog, blocks: Sequence[LogRows]) -> list[Track]:
 def _row_ranges(first: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
     """Numbers of ``count[i]`` rows from ``first[i]`` on, for each i in turn."""
     shift = first - (np.cumsum(count) - count)
-    return np.arange(int(count.sum())) + np.repeat(shift, count)
+    rows: NDArray[np.int64] = np.arange(int(count.sum())) + np.repeat(shift, count)
+    return rows
 
 
 def _gather_tracks(log: CollectedLog, blocks: Sequence[LogRows]) -> list[_MemoryTrack]:

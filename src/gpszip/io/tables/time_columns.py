@@ -17,7 +17,7 @@ from gpszip.io.logs.raw import GuessedUnit, Request, UnreadableCell
 from gpszip.io.tables.roles import Roles, time_unit_in_name
 from gpszip.io.values.arrow import is_text, to_floats, trimmed_text
 from gpszip.io.values.date_and_time import join_date_and_time
-from gpszip.io.values.dates import DATE_ORDERS
+from gpszip.io.values.dates import DATE_ORDERS, plain_iso_to_seconds
 from gpszip.io.values.timestamps import (
     guess_unit_by_size,
     holds_numbers,
@@ -114,6 +114,13 @@ def read_times(
     location = f"column {name!r}"
     cells = join_time_columns(columns, names, roles, request, where, decimal_comma=decimal_comma)
 
+    # Most texts are dates in ISO 8601, which no other notation looks like.
+    dates = find_date_order(names, roles, request)
+    if is_text(cells.type):
+        plain = plain_iso_to_seconds(trimmed_text(cells))
+        if plain is not None and np.isfinite(plain).any():
+            return TimeColumn(plain, unreadable=_first_unreadable(name, cells, plain))
+
     # Times of day count from midnight.
     if holds_times_of_day(cells):
         times = times_of_day_to_seconds(cells)
@@ -142,7 +149,7 @@ def read_times(
         where,
         location,
         origin=unit_origin(unit),
-        dates=find_date_order(names, roles, request),
+        dates=dates,
     )
     return TimeColumn(times, guessed_unit=guess, unreadable=_first_unreadable(name, cells, times))
 
