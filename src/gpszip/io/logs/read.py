@@ -21,7 +21,7 @@ from gpszip.io.logs.file_collector import CleaningOptions
 from gpszip.io.logs.log_file import Sources, open_log_files
 from gpszip.io.logs.memory_rows import MemoryRows
 from gpszip.io.logs.raw import Request
-from gpszip.io.logs.rows import Floats, LogRows, concatenate_rows
+from gpszip.io.logs.rows import Floats, LogRows, begins_run, concatenate_rows
 from gpszip.io.tables.roles import parse_columns
 from gpszip.model import Plane, Track
 from gpszip.model.read_result import ReadResult, Repair
@@ -230,7 +230,7 @@ def _share_rows(log: CollectedLog, blocks: Sequence[LogRows]) -> list[Track]:
     """Make all tracks at once, in arrays that they share: there may be many short ones."""
     # Where the rows of each code are.
     rows = concatenate_rows(blocks)
-    starts = np.flatnonzero(np.diff(rows.codes, prepend=-1))
+    starts = np.flatnonzero(begins_run(rows.codes))
     first, count = np.zeros(log.code_count, np.int64), np.zeros(log.code_count, np.int64)
     first[rows.codes[starts]] = starts
     count[rows.codes[starts]] = np.diff(starts, append=len(rows))
@@ -265,7 +265,7 @@ def _gather_tracks(log: CollectedLog, blocks: Sequence[LogRows]) -> list[_Memory
     # Cut the sorted rows where a track starts.
     rows_by_code: dict[int, LogRows] = {}
     for block in blocks:
-        starts = np.flatnonzero(np.diff(block.codes, prepend=-1)).tolist()
+        starts = np.flatnonzero(begins_run(block.codes)).tolist()
         for start, stop in pairwise([*starts, len(block)]):
             rows_by_code[int(block.codes[start])] = block.take(slice(start, stop))
 
