@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 endif
 WORKERS ?= 2
 MINUTES ?= 60
-BENCHMARKS ?= startup estep coreset effort merging workers
+BENCHMARKS ?= startup reading estep coreset effort merging workers
 
 # The first Python on the PATH that is new enough. PYTHON=... names another one.
 CANDIDATES := python3 python3.11 python3.12 python3.13 python3.14 python

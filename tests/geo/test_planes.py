@@ -100,3 +100,37 @@ def test_every_sample_survives_a_round_trip(points):
 def test_a_log_in_metres_has_no_changes_of_plane():
     assert not plane_changes([[0.0, 0.0], [1e9, 0.0]], None).any()
     assert len(plane_changes([[0.0, 0.0]], None)) == 0
+
+
+def plain_centers(lat, lon):
+    """Centres of planes in degrees: the median direction, then the first sample outside of all."""
+    phi, theta = np.radians(lat), np.radians(lon)
+    directions = np.array([np.cos(phi) * np.cos(theta), np.cos(phi) * np.sin(theta), np.sin(phi)])
+
+    def is_outside(center):
+        phi, theta = np.radians(center)
+        axis = np.cos(phi) * np.cos(theta), np.cos(phi) * np.sin(theta), np.sin(phi)
+        return np.arccos(np.clip(axis @ directions, -1, 1)) * 6_371_000 > 400_000
+
+    x, y, z = np.median(directions, axis=1)
+    median = np.degrees([np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x)]).round(2)
+    uncovered, centers = is_outside(median), [median.tolist()]
+    if uncovered.all():
+        centers = []
+    while uncovered.any():
+        first = int(uncovered.argmax())
+        centers.append([round(float(lat[first]), 2), round(float(lon[first]), 2)])
+        uncovered &= is_outside(centers[-1])
+        uncovered[first] = False
+    return centers
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_many_samples_get_the_planes_of_the_plain_twin(seed):
+    rng = np.random.default_rng(seed)
+    lat, lon = rng.uniform(-88, 88), rng.uniform(-180, 180)
+    extent = float(rng.choice([1e-3, 0.05, 1.0, 6.0]))
+    degrees = np.array([lat, lon]) + rng.uniform(-extent, extent, (12_000, 2))
+    lats, lons = np.clip(degrees[:, 0], -90, 90), (degrees[:, 1] + 180) % 360 - 180
+    centers = np.array(choose_plane(lats, lons).centers) / 1e7
+    assert centers.round(2).tolist() == plain_centers(lats, lons)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from gpszip.model import GridWalk, Walk
-from gpszip.walks.counting import build_road_map
+from gpszip.walks.counting import build_road_map, find_travelled_segments
 from oracle.segment_map import directed_counts
 
 
@@ -34,3 +34,36 @@ def test_walks_of_one_knot_and_no_walks_make_no_edges():
         assert road_map.edges.shape == (0, 2)
         assert len(road_map.nodes) == len(nodes)
         assert len(road_map.forward) == len(road_map.backward) == 0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_time_ranges_cut_segments_of_many_walks_as_of_each_alone(seed):
+    rng = np.random.default_rng(seed)
+    walks = []
+    for number in range(int(rng.integers(1, 6))):
+        knots = int(rng.integers(1, 12))
+        times, gaps = np.cumsum(rng.integers(1, 9, knots)) * 1.0, rng.random(knots - 1) < 0.3
+        first, last = times[np.append(True, gaps)], times[np.append(gaps, True)]
+        ranges = np.stack([first, last], axis=1) + rng.uniform(-6, 6, (len(first), 2))
+        visited = rng.integers(0, 5, knots).astype(np.int32)
+        has_ranges = rng.random() < 0.7
+        walks.append(Walk(f"{number}", visited, times, gaps, ranges if has_ranges else None))
+    road_map = build_road_map(np.zeros((5, 2)), walks)
+
+    # A plain tally, segment by segment.
+    tally = dict[tuple[int, int], int]()
+    for walk in walks:
+        piece, plain = 0, []
+        for i, gap in enumerate(walk.gaps.tolist()):
+            begin, end = (-np.inf, np.inf) if walk.time_ranges is None else walk.time_ranges[piece]
+            u, v = walk.nodes[i : i + 2].tolist()
+            is_travel = not gap and u != v and walk.times[i + 1] > begin and walk.times[i] < end
+            plain.append(is_travel)
+            tally[u, v] = tally.get((u, v), 0) + is_travel
+            piece += gap
+        assert find_travelled_segments(walk).tolist() == plain
+    for (u, v), forward, backward in zip(
+        road_map.edges.tolist(), road_map.forward, road_map.backward, strict=True
+    ):
+        assert (forward, backward) == (tally.get((u, v), 0), tally.get((v, u), 0))
+    assert road_map.forward.sum() + road_map.backward.sum() == sum(tally.values())

@@ -85,8 +85,10 @@ def cut_at_gaps(walk: Walk) -> list[slice]:
     >>> cut_at_gaps(walk)
     [slice(0, 2, None), slice(2, 3, None)]
     """
-    # Segment i leads from knot i to knot i + 1: a piece begins after each gap.
-    bounds = [0, *(np.flatnonzero(walk.gaps) + 1).tolist(), len(walk.nodes)]
+    gaps = walk.gaps.nonzero()[0]
+    if not len(gaps):
+        return [slice(0, len(walk.nodes))]
+    bounds = [0, *(gaps + 1).tolist(), len(walk.nodes)]
     return [slice(first, after) for first, after in pairwise(bounds)]
 
 

@@ -8,15 +8,17 @@ each track starts and ends; and when a piece beside a gap does, if the walk goes
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.codec.end_kinds import ALWAYS, MAX_QUOTIENT, NEVER, SOMETIMES
+from gpszip.codec.knots import Knots, concatenate_knots, ends_of_pieces
 from gpszip.errors import CorruptArchiveError
 from gpszip.model.grid import QuantisationGrid, step_size
-from gpszip.model.grid_walks import GridWalk, GridWalks, PieceEnds
+from gpszip.model.grid_walks import GridWalks, PieceEnds
 
 __all__ = ["TICKS", "TailCoder", "Tick", "code_tail", "find_piece_ends", "stored_time_ranges"]
 
@@ -64,6 +66,28 @@ _MAX_TICKS = 2.0**60
 
 #: Seconds by which a piece's first sample may seem to come before its first knot.
 _SEARCH_TOLERANCE = 1e-3
+
+
+class _Pieces(NamedTuple):
+    """The gap-free pieces of all walks; P in all.
+
+    Parameters
+    ----------
+    knots : Knots
+        Knots of all walks; K in all.
+    is_first, is_last : bool arrays, shape (K,)
+        Whether each knot is the first of its piece, and whether it is the last.
+    walks : int64 array, shape (P,)
+        Walk of each piece.
+    counts : int64 array, shape (W,)
+        Number of pieces of each walk.
+    """
+
+    knots: Knots
+    is_first: NDArray[np.bool_]
+    is_last: NDArray[np.bool_]
+    walks: NDArray[np.int64]
+    counts: NDArray[np.int64]
 
 
 class TailCoder(Protocol):
@@ -114,6 +138,7 @@ def find_piece_ends(
 
     Examples
     --------
+    >>> from gpszip.model import GridWalk
     >>> walk = GridWalk(np.array([0, 1], np.int32), np.array([0, 1]), np.array([False]))
     >>> walks = GridWalks(np.array([[0], [1]]), (walk,))
     >>> grid = QuantisationGrid((0,), 0, 128, 200)
@@ -122,14 +147,14 @@ def find_piece_ends(
     (30.0, [0], [3])
     """
     # Times of the first and last sample of each piece, and the tick that suits them all.
-    since_epoch = _sample_ranges(time_ranges, walks, grid)
+    pieces = _find_pieces(walks)
+    since_epoch = _sample_ranges(time_ranges, walks, pieces, grid)
     max_rounding = max(_MAX_ROUNDING_SHARE * step, min(_MAX_ROUNDING, step))
     tick, first, last = _round_to_ticks(since_epoch, max_rounding)
 
     # The same of the first and last knot.
     try:
-        low, high = _knot_ticks(walks, grid, tick)
-    # So far from the epoch, nothing is stored; what a reader refuses, a writer leaves out.
+        low, high = _knot_ticks(pieces, grid, tick)
     except CorruptArchiveError:
         return _no_ends()
 
@@ -138,8 +163,8 @@ def find_piece_ends(
     # Speed times the time between knot and sample is how far the walk goes on, in space steps.
     time_steps = np.stack([first - low, high - last], axis=1)
     time_steps = time_steps * (TICKS[tick].seconds / step_size(grid.time))
-    speeds = _end_speeds(walks)
-    matters = (_end_kinds(speeds, walks) == ALWAYS) | (speeds * time_steps > _MAX_OVERRUN)
+    speeds = _end_speeds(walks.nodes, pieces)
+    matters = (_end_kinds(speeds, pieces) == ALWAYS) | (speeds * time_steps > _MAX_OVERRUN)
     first = np.where(matters[:, 0] & (first >= low) & (first - low < limit), first, low)
     last = np.where(matters[:, 1] & (last <= high) & (high - last < limit), last, high)
     return PieceEnds(tick, first, last)
@@ -172,14 +197,13 @@ def stored_time_ranges(
     times = grid.epoch / 1000 + ticks * numerator / denominator
 
     # No earlier than the first knot, and no later than the last.
-    knot_ranges = [_knot_ranges(walk, grid) for walk in walks.walks]
-    bounds = np.cumsum([len(pieces) for pieces in knot_ranges])[:-1]
-    return [
-        np.stack(
-            [np.maximum(pieces[:, 0], knots[:, 0]), np.minimum(pieces[:, 1], knots[:, 1])], axis=1
-        )
-        for pieces, knots in zip(np.split(times, bounds), knot_ranges, strict=True)
-    ]
+    pieces = _find_pieces(walks)
+    knots = _knot_ranges(pieces, grid)
+    within = np.stack(
+        [np.maximum(times[:, 0], knots[:, 0]), np.minimum(times[:, 1], knots[:, 1])], axis=1
+    )
+    bounds = np.append(0, np.cumsum(pieces.counts)).tolist()
+    return [within[first:end] for first, end in pairwise(bounds)]
 
 
 def code_tail(coder: TailCoder, walks: GridWalks, grid: QuantisationGrid) -> GridWalks:
@@ -211,14 +235,13 @@ def code_tail(coder: TailCoder, walks: GridWalks, grid: QuantisationGrid) -> Gri
         return GridWalks(walks.nodes, walks.walks, walks.timed, _no_ends(), shapes)
 
     # Offsets of starts and ends from the knots, in turn; tracks without times have none.
-    low, high = _knot_ticks(walks, grid, tick)
-    # A decoder has no ends yet: it overwrites offsets of 0.
+    pieces = _find_pieces(walks)
+    low, high = _knot_ticks(pieces, grid, tick)
     ends = walks.ends if walks.ends is not None else PieceEnds(tick, low, high)
-    tracks = np.repeat(np.arange(len(walks.walks)), _piece_counts(walks))
-    is_coded = ~np.isin(tracks, list(shapes))
+    is_coded = ~np.isin(pieces.walks, list(shapes))
     offsets = np.stack([ends.first - low, high - ends.last], axis=1)
     coded = offsets[is_coded].reshape(-1)
-    kinds = _end_kinds(_end_speeds(walks), walks)[is_coded].reshape(-1)
+    kinds = _end_kinds(_end_speeds(walks.nodes, pieces), pieces)[is_coded].reshape(-1)
     counts = np.array([_OFFSET_COUNTS], np.int32)
     is_valid = coder.code_offsets(coded, kinds, counts, _levels(grid, tick))
     offsets[is_coded] = coded.reshape(-1, 2)
@@ -246,48 +269,41 @@ def _code_shapes(coder: TailCoder, walks: GridWalks) -> frozenset[int]:
     return frozenset(number for number, flag in enumerate(flags) if flag)
 
 
-def _piece_counts(walks: GridWalks) -> NDArray[np.int64]:
-    """Number of pieces of each walk."""
-    return np.array([1 + int(walk.gaps.sum()) for walk in walks.walks], dtype=np.int64)
+def _find_pieces(walks: GridWalks) -> _Pieces:
+    """Find the pieces of all walks."""
+    # The walk of a piece is the number of walks that have begun before its first knot ends.
+    knots = concatenate_knots(walks)
+    first, last = ends_of_pieces(knots)
+    numbers = np.cumsum(knots.begins == 1)[first] - 1
+    counts = np.bincount(numbers, minlength=len(walks.walks)).astype(np.int64)
+    return _Pieces(knots, first, last, numbers, counts)
 
 
-def _is_first_knot(walk: GridWalk) -> NDArray[np.bool_]:
-    """Whether each knot is the first of its piece."""
-    return np.append(True, walk.gaps)
-
-
-def _is_last_knot(walk: GridWalk) -> NDArray[np.bool_]:
-    """Whether each knot is the last of its piece."""
-    return np.append(walk.gaps, True)
-
-
-def _end_speeds(walks: GridWalks) -> NDArray[np.float64]:
+def _end_speeds(nodes: NDArray[np.int64], pieces: _Pieces) -> NDArray[np.float64]:
     """Speed of each piece in its first and its last segment, in space steps by time step.
 
     Returns an array of shape (pieces, 2).
     """
-    speeds = []
-    for walk in walks.walks:
-        positions = walks.nodes[walk.nodes].astype(np.float64)
-        # A gap is no travel, so its speed is 0. At least 1 time step, so as not to divide by zero.
-        lengths = np.sqrt(((positions[1:] - positions[:-1]) ** 2).sum(axis=1))
-        speed = np.where(walk.gaps, 0.0, lengths / np.maximum(np.diff(walk.time_steps), 1))
+    # Gaps, and what lies between two walks, are no segments.
+    knots = pieces.knots
+    positions = nodes[knots.nodes].astype(np.float64)
+    lengths = np.sqrt(((positions[1:] - positions[:-1]) ** 2).sum(axis=1))
+    speed = lengths / np.maximum(np.diff(knots.time_steps), 1)
+    speed = np.where(pieces.is_first[1:], 0.0, speed)
 
-        # a piece of one knot has no segment, so that its speed is 0
-        after, before = np.append(speed, 0.0), np.append(0.0, speed)
-        speeds.append(np.stack([after[_is_first_knot(walk)], before[_is_last_knot(walk)]], axis=1))
-    return np.concatenate(speeds) if speeds else np.zeros((0, 2))
+    # A piece of one knot has no segment, so that its speed is 0.
+    after, before = np.append(speed, 0.0), np.append(0.0, speed)
+    if not len(knots.nodes):
+        return np.zeros((0, 2))
+    return np.stack([after[pieces.is_first], before[pieces.is_last]], axis=1)
 
 
-def _end_kinds(speeds: NDArray[np.float64], walks: GridWalks) -> NDArray[np.int8]:
+def _end_kinds(speeds: NDArray[np.float64], pieces: _Pieces) -> NDArray[np.int8]:
     """Which starts and ends have an offset, shape (pieces, 2)."""
     # A time step at this speed leads farther than a piece may go on, so that an end may matter.
     kinds = np.where(speeds > _MAX_OVERRUN, SOMETIMES, NEVER).astype(np.int8)
-    ends = np.cumsum(_piece_counts(walks), dtype=np.int64)
-
-    # The first piece of each track begins it, and the last one ends it. The slice drops the 0 where
-    # there is no track.
-    kinds[np.append(0, ends[:-1])[: len(ends)], 0] = ALWAYS
+    ends = np.cumsum(pieces.counts, dtype=np.int64)
+    kinds[ends - pieces.counts, 0] = ALWAYS
     kinds[ends - 1, 1] = ALWAYS
     return kinds
 
@@ -299,12 +315,11 @@ def _levels(grid: QuantisationGrid, tick: int) -> int:
 
 
 def _knot_ticks(
-    walks: GridWalks, grid: QuantisationGrid, tick: int
+    pieces: _Pieces, grid: QuantisationGrid, tick: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Ticks at or before the first knot of each piece, and at or after its last."""
-    none = [np.zeros(0, np.int64)]
-    first = np.concatenate([walk.time_steps[_is_first_knot(walk)] for walk in walks.walks] or none)
-    last = np.concatenate([walk.time_steps[_is_last_knot(walk)] for walk in walks.walks] or none)
+    time_steps = pieces.knots.time_steps
+    first, last = time_steps[pieces.is_first], time_steps[pieces.is_last]
 
     # The format fixes the order of these operations.
     numerator, denominator = TICKS[tick]
@@ -318,51 +333,65 @@ def _knot_ticks(
     return np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)
 
 
-def _knot_ranges(walk: GridWalk, grid: QuantisationGrid) -> NDArray[np.float64]:
+def _knot_ranges(pieces: _Pieces, grid: QuantisationGrid) -> NDArray[np.float64]:
     """Times of the first and last knot of each piece, shape (pieces, 2), in seconds."""
-    times = grid.epoch / 1000 + walk.time_steps.astype(np.float64) * step_size(grid.time)
-    return np.stack([times[_is_first_knot(walk)], times[_is_last_knot(walk)]], axis=1)
+    time_steps = pieces.knots.time_steps
+    ends = np.stack([time_steps[pieces.is_first], time_steps[pieces.is_last]], axis=1)
+    return grid.epoch / 1000 + ends.astype(np.float64) * step_size(grid.time)
 
 
 def _sample_ranges(
-    time_ranges: Sequence[NDArray[np.float64]], walks: GridWalks, grid: QuantisationGrid
+    time_ranges: Sequence[NDArray[np.float64]],
+    walks: GridWalks,
+    pieces: _Pieces,
+    grid: QuantisationGrid,
 ) -> NDArray[np.float64]:
-    """Seconds since the epoch of the first and last sample of each piece, shape (pieces, 2)."""
-    knot_ranges = [_knot_ranges(walk, grid) for walk in walks.walks]
-    if not knot_ranges:
-        return np.zeros((0, 2))
-    ranges = [
-        # a walk without times lies at the epoch, which is on every tick
-        np.full_like(knots, grid.epoch / 1000)
-        if number in walks.untimed
-        else _join_within_pieces(of_track, knots)
-        for number, (of_track, knots) in enumerate(zip(time_ranges, knot_ranges, strict=True))
-    ]
-    return np.concatenate(ranges) - grid.epoch / 1000
+    """Seconds since the epoch of the first and last sample of each piece, shape (pieces, 2).
+
+    Those of its knots if it has no sample.
+    """
+    # Time ranges of all tracks with times, and the walk of each.
+    ranges = _knot_ranges(pieces, grid)
+    if not len(ranges):
+        return ranges
+    counts = [len(of_track) for of_track in time_ranges]
+    of_walk = np.repeat(np.arange(len(walks.walks)), counts)
+    samples = np.concatenate(list(time_ranges))
+    if walks.untimed:
+        is_timed = ~np.isin(of_walk, list(walks.untimed))
+        of_walk, samples = of_walk[is_timed], samples[is_timed]
+
+    # Take the first and last time in each piece.
+    piece = _pieces_of_ranges(samples[:, 0] + _SEARCH_TOLERANCE, of_walk, ranges[:, 0], pieces)
+    first, last = np.full(len(ranges), np.inf), np.full(len(ranges), -np.inf)
+    np.minimum.at(first, piece, samples[:, 0])
+    np.maximum.at(last, piece, samples[:, 1])
+    has_samples = first <= last
+    ranges[has_samples] = np.stack([first[has_samples], last[has_samples]], axis=1)
+
+    # A walk without times lies at the epoch, which is on every tick.
+    if walks.untimed:
+        ranges[np.isin(pieces.walks, list(walks.untimed))] = grid.epoch / 1000
+    return ranges - grid.epoch / 1000
 
 
-def _join_within_pieces(
-    time_ranges: NDArray[np.float64], knot_ranges: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Times of the first and last sample of each piece; those of its knots if it has no sample."""
-    # The piece of each time range is the last one that begins before it.
-    starts = knot_ranges[:, 0]
-    piece = np.searchsorted(starts, time_ranges[:, 0] + _SEARCH_TOLERANCE, side="right") - 1
-    piece = np.clip(piece, 0, None)
-
-    # Take the first and last time of each piece; its knots' times if it has no time range.
-    first, last = np.full(len(knot_ranges), np.inf), np.full(len(knot_ranges), -np.inf)
-    # Unlike assignment by index, this counts all time ranges of a piece.
-    np.minimum.at(first, piece, time_ranges[:, 0])
-    np.maximum.at(last, piece, time_ranges[:, 1])
-    is_empty = first > last
-    return np.stack(
-        [
-            np.where(is_empty, knot_ranges[:, 0], first),
-            np.where(is_empty, knot_ranges[:, 1], last),
-        ],
-        axis=1,
-    )
+def _pieces_of_ranges(
+    times: NDArray[np.float64],
+    of_walk: NDArray[np.int64],
+    starts: NDArray[np.float64],
+    pieces: _Pieces,
+) -> NDArray[np.int64]:
+    """Number of the last piece of a walk that begins before each time, or of its first piece."""
+    # In the order of walks and times, with a piece before the times equal to its start, count the
+    # pieces so far.
+    walk = np.concatenate([pieces.walks, of_walk])
+    is_time = np.arange(len(walk)) >= len(starts)
+    order = np.lexsort((is_time, np.concatenate([starts, times]), walk))
+    so_far = np.empty(len(walk), np.int64)
+    so_far[order] = np.cumsum(~is_time[order]) - 1
+    first_pieces = np.cumsum(pieces.counts) - pieces.counts
+    numbers: NDArray[np.int64] = np.maximum(so_far[len(starts) :], first_pieces[of_walk])
+    return numbers
 
 
 def _round_to_ticks(

@@ -40,7 +40,9 @@ def number_by_visit(walks: GridWalks, known: int = 0) -> GridWalks:
     # Renumber the walks.
     numbers = np.full(len(walks.nodes), -1, np.int32)
     numbers[order] = np.arange(len(order), dtype=np.int32)
+    visits, ends = numbers[visits], np.cumsum([len(walk.nodes) for walk in walks.walks]).tolist()
     renumbered = tuple(
-        GridWalk(numbers[walk.nodes], walk.time_steps, walk.gaps) for walk in walks.walks
+        GridWalk(visits[end - len(walk.nodes) : end], walk.time_steps, walk.gaps)
+        for walk, end in zip(walks.walks, ends, strict=True)
     )
     return replace(walks, nodes=walks.nodes[order], walks=renumbered)

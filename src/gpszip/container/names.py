@@ -6,6 +6,8 @@ texts have several packings; the shortest is written.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from gpszip.container.expansion import deflate, inflate, pack_lzma, unpack_lzma
 from gpszip.container.layout import Cursor, encode_varint, max_tracks
 from gpszip.container.number_steps import encode_number_steps, read_number_steps
@@ -41,6 +43,8 @@ _MAX_WIDTH = 64
 _INNER_NEWLINE = b"\xff"
 
 
+# The size of an archive, its bound and its file each need the bytes of the same names.
+@lru_cache(maxsize=1)
 def encode_names(ids: tuple[str, ...]) -> bytes:
     """Encode track ids in the shortest of the forms of docs/format.md.
 
@@ -186,6 +190,8 @@ def _read_packed(cursor: Cursor, count: int) -> tuple[str, ...]:
     # Newlines only separate names; those within names have another byte.
     if text.count(b"\n") != count - 1:
         raise cursor.error(f"names are not those of {count} tracks")
+    if _INNER_NEWLINE not in text:
+        return tuple(_decode_text(text, cursor).split("\n"))
     return tuple(
         _decode_text(name.replace(_INNER_NEWLINE, b"\n"), cursor) for name in text.split(b"\n")
     )

@@ -9,9 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.geo.planes import plane_changes
+from gpszip.geo.steps import group_medians, steps_between
 from gpszip.model import Track
 
-__all__ = ["estimate_gap", "find_gaps", "find_long_intervals"]
+__all__ = [
+    "estimate_gap",
+    "find_gaps",
+    "find_gaps_of_all",
+    "find_long_intervals",
+    "piece_time_ranges",
+]
 
 #: Seconds; no shorter interval is a gap, as a robot or a car can be followed through it.
 _MIN_GAP = 10.0
@@ -50,18 +57,18 @@ def estimate_gap(tracks: Sequence[Track]) -> float:
     >>> estimate_gap([regular]), estimate_gap([regular, pause])
     (inf, 30.0)
     """
-    # Intervals of each track in whole milliseconds.
-    intervals = [_milliseconds(track.times) for track in tracks if len(track) > 1]
-    if not intervals:
+    # Intervals of all tracks in whole milliseconds.
+    times = [track.times for track in tracks if len(track) > 1]
+    if not times:
         return float("inf")
+    pooled = _milliseconds(steps_between(times))
 
     # Statistics of all intervals, and of the slowest track.
-    pooled = np.concatenate(intervals)
     median, percentile = np.quantile(pooled, [0.5, 0.95])
-    slowest_median = max(
-        (float(np.median(track)) for track in intervals if len(track) >= _MIN_INTERVALS),
-        default=0.0,
-    )
+    counts = np.array([len(of_track) - 1 for of_track in times])
+    has_median = counts >= _MIN_INTERVALS
+    long = pooled[np.repeat(has_median, counts)]
+    slowest_median = float(group_medians(long, counts[has_median].tolist()).max(initial=0.0))
 
     # Apply the rule in milliseconds; a log whose longest interval is within it has no gap.
     gap = round(
@@ -97,8 +104,8 @@ def find_long_intervals(times: ArrayLike, gap: float) -> NDArray[np.bool_]:
     >>> find_long_intervals([0.0, 1.0, 31.0, 61.5], 30.0).tolist()
     [False, False, True]
     """
-    milliseconds = _milliseconds(np.asarray(times, dtype=np.float64))
-    is_longer: NDArray[np.bool_] = milliseconds > np.rint(gap * 1000)
+    intervals = np.diff(np.asarray(times, dtype=np.float64))
+    is_longer: NDArray[np.bool_] = _milliseconds(intervals) > np.rint(gap * 1000)
     return is_longer
 
 
@@ -131,6 +138,35 @@ def find_gaps(track: Track, gap: float) -> NDArray[np.bool_]:
     return gaps
 
 
+def find_gaps_of_all(tracks: Sequence[Track], gap: float) -> list[NDArray[np.bool_]]:
+    """Find the gaps of each track as :func:`find_gaps` does, those without times at no interval.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        All on one plane.
+    gap : float
+        Seconds, may be infinite.
+
+    Examples
+    --------
+    >>> track, shape = Track("a", [0, 90], [[0.0], [5.0]]), Track("b", [0], [[0.0]], timed=False)
+    >>> [gaps.tolist() for gaps in find_gaps_of_all([track, shape], 30.0)]
+    [[True], []]
+    """
+    # A plane that lies in one piece has no changes: then times are enough.
+    if not all(track.plane is None or len(track.plane.centers) == 1 for track in tracks):
+        return [find_gaps(track, gap) for track in tracks]
+    is_long = _milliseconds(steps_between([track.times for track in tracks])) > np.rint(gap * 1000)
+
+    # Cut them where a track begins; the "times" of a shape are lengths.
+    gaps, end = [], 0
+    for track in tracks:
+        first, end = end, end + len(track) - 1
+        gaps.append(is_long[first:end] if track.timed else np.zeros(end - first, np.bool_))
+    return gaps
+
+
 def piece_time_ranges(times: NDArray[np.float64], gaps: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return the times of the first and the last sample of each gap-free piece.
 
@@ -150,11 +186,12 @@ def piece_time_ranges(times: NDArray[np.float64], gaps: NDArray[np.bool_]) -> ND
     >>> piece_time_ranges(np.array([0.0, 1.0, 90.0]), np.array([False, True])).tolist()
     [[0.0, 1.0], [90.0, 90.0]]
     """
-    # A piece begins at the start and after each gap, and ends before each gap and at the end.
+    if not gaps.any():
+        return times[[0, -1]].reshape(1, 2)
     return np.stack([times[np.append(True, gaps)], times[np.append(gaps, True)]], axis=1)
 
 
-def _milliseconds(times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the intervals between times in whole milliseconds."""
-    rounded: NDArray[np.float64] = np.rint(np.diff(times) * 1000)
+def _milliseconds(intervals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return intervals in seconds as whole milliseconds."""
+    rounded: NDArray[np.float64] = np.rint(intervals * 1000)
     return rounded

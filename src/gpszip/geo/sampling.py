@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.geo.steps import steps_between
 from gpszip.model import Track
 
 __all__ = ["sampling_interval"]
@@ -40,11 +41,12 @@ def sampling_interval(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]
     1.0
     """
     # Seconds and metres of all steps that are no gaps.
-    seconds, metres = [np.zeros(0)], [np.zeros(0)]
-    for track, track_gaps in zip(tracks, gaps, strict=True):
-        seconds.append(np.diff(track.times)[~track_gaps])
-        metres.append(np.linalg.norm(np.diff(track.positions, axis=0), axis=1)[~track_gaps])
-    intervals, distances = np.concatenate(seconds), np.concatenate(metres)
+    if not tracks:
+        return None
+    is_known = ~np.concatenate(list(gaps))
+    intervals = steps_between([track.times for track in tracks])[is_known]
+    steps = steps_between([track.positions for track in tracks])[is_known]
+    distances = np.linalg.norm(steps, axis=1)
 
     # Weighted quantile.
     order = np.argsort(intervals, kind="stable")

@@ -90,11 +90,14 @@ def ends_of_walks(walks: GridWalks, first: int, after: int) -> PieceEnds | None:
     # Tick 0 says that pieces last from knot to knot; the arrays are empty then.
     if walks.ends is None or walks.ends.tick == 0:
         return walks.ends
-
-    # A walk with g gaps has g + 1 pieces. Entry i is the first piece of walk i.
-    first_pieces = np.cumsum([0] + [1 + int(walk.gaps.sum()) for walk in walks.walks])
-    pieces = slice(first_pieces[first], first_pieces[after])
+    before, own = walks.walks[:first], walks.walks[first:after]
+    start = first + _count_gaps(before)
+    pieces = slice(start, start + len(own) + _count_gaps(own))
     return PieceEnds(walks.ends.tick, walks.ends.first[pieces], walks.ends.last[pieces])
+
+
+def _count_gaps(walks: Sequence[GridWalk]) -> int:
+    return int(np.count_nonzero(np.concatenate([walk.gaps for walk in walks]))) if walks else 0
 
 
 def concatenated_ends(groups: Sequence[GridWalks]) -> PieceEnds | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +13,14 @@ from gpszip.model.grid import Plane
 if TYPE_CHECKING:
     from pyproj import Transformer
 
-__all__ = ["UNITS_PER_DEGREE", "map_coordinates", "plane_indices", "projection", "to_geographic"]
+__all__ = [
+    "UNITS_PER_DEGREE",
+    "map_coordinates",
+    "plane_indices",
+    "project",
+    "projection",
+    "to_geographic",
+]
 
 #: A plane's centre is kept in units of 1e-7 degrees, which are about a centimetre.
 UNITS_PER_DEGREE = 1e7
@@ -45,10 +52,12 @@ def map_coordinates(positions: Floats, plane: Plane | None) -> Floats:
         return positions
     # Only the first two coordinates lie on the plane.
     coordinates = positions.copy()
-
-    # NaN lies on no plane: rounded to an index, it would select a meaningless one.
-    known = ~np.isnan(positions[:, 0])
-    coordinates[known, :2] = np.stack(to_geographic(positions[known, :2], plane), axis=1)
+    unknown = np.isnan(positions[:, 0])
+    if unknown.any():
+        known = ~unknown
+        coordinates[known, :2] = np.stack(to_geographic(positions[known, :2], plane), axis=1)
+    else:
+        coordinates[:, 0], coordinates[:, 1] = to_geographic(positions[:, :2], plane)
     return coordinates
 
 
@@ -74,17 +83,31 @@ def to_geographic(positions: ArrayLike, plane: Plane) -> tuple[Floats, Floats]:
     ([60.0], [25.0])
     """
     positions = np.asarray(positions, dtype=np.float64)
+    if len(plane.centers) == 1:
+        return _unproject(positions[:, 0], positions[:, 1], plane.centers[0])
     index = plane_indices(positions, plane)
     lat, lon = np.empty(len(positions)), np.empty(len(positions))
     # Each plane has its own projection, and its own range of x.
     for i in np.unique(index).tolist():
         on_plane = index == i
         x = positions[on_plane, 0] - i * Plane.SPREAD
-        # The projection leads from degrees to metres, in the order x, y; here it runs backward.
-        lon[on_plane], lat[on_plane] = projection(plane.centers[i]).transform(
-            x, positions[on_plane, 1], direction="INVERSE"
-        )
+        lat[on_plane], lon[on_plane] = _unproject(x, positions[on_plane, 1], plane.centers[i])
     return lat, lon
+
+
+def project(lat: Floats, lon: Floats, center: tuple[int, int]) -> tuple[Floats, Floats]:
+    """Metres to the east and to the north of a plane's centre."""
+    from gpszip.model.plane_series import onto_plane
+
+    return onto_plane(lat, lon, center[1] / UNITS_PER_DEGREE, projection(center).transform)
+
+
+def _unproject(x: Floats, y: Floats, center: tuple[int, int]) -> tuple[Floats, Floats]:
+    """Latitude and longitude of metres to the east and to the north of a plane's centre."""
+    from gpszip.model.plane_series import from_plane
+
+    inverse = partial(projection(center).transform, direction="INVERSE")
+    return from_plane(x, y, center[1] / UNITS_PER_DEGREE, inverse)
 
 
 def plane_indices(positions: ArrayLike, plane: Plane) -> NDArray[np.int64]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +16,7 @@ from gpszip.model.projection import map_coordinates
 from gpszip.model.text import axes_text, count_text
 from gpszip.model.timestamps import Times, format_span, to_seconds, wrong_unit
 
-__all__ = ["Track", "time_bounds"]
+__all__ = ["Track", "time_bounds", "tracks_from_rows"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -140,6 +141,73 @@ class Track:
         return map_coordinates(self.positions, self.plane)
 
 
+def tracks_from_rows(
+    ids: Sequence[str],
+    counts: Sequence[int],
+    times: ArrayLike,
+    positions: ArrayLike,
+    attributes: Mapping[str, NDArray[np.generic]],
+    plane: Plane | None,
+) -> list[Track]:
+    """Make tracks with times of successive rows, which they share instead of copies.
+
+    Parameters
+    ----------
+    ids : sequence of str, length k
+        Names of the tracks.
+    counts : sequence of int, length k
+        Samples of each track; n in all.
+    times, positions : array_like, shape (n,) and (n, d)
+        Seconds and metres, track after track.
+    attributes : mapping of str to array, shape (n,)
+        Further columns.
+    plane : Plane or None
+        The plane of a log in degrees.
+
+    Raises
+    ------
+    TrackError
+        As :class:`Track` raises it.
+
+    Examples
+    --------
+    >>> rows = np.arange(3.0), np.zeros((3, 2))
+    >>> [len(track) for track in tracks_from_rows(["a", "b"], [1, 2], *rows, {}, None)]
+    [1, 2]
+    """
+    # Check all rows at once: by itself, each of 100,000 short tracks would take 25 us.
+    times, positions = _read_only(times), _read_only(positions)
+    ends = np.cumsum(counts).tolist()
+    bounds = [slice(end - count, end) for count, end in zip(counts, ends, strict=True)]
+    begins = np.zeros(len(times) + 1, np.bool_)
+    begins[[0, *ends]] = True
+    is_good = (
+        min(counts, default=1) > 0
+        and bool(np.isfinite(times).all() and np.isfinite(positions).all())
+        and bool(((times[1:] > times[:-1]) | begins[1:-1]).all())
+    )
+
+    # A track that is wrong says so itself.
+    tracks = []
+    for name, rows in zip(ids, bounds, strict=True):
+        values: dict[str, Any] = {
+            "id": name,
+            "times": times[rows],
+            "positions": positions[rows],
+            "weights": None,
+            "attributes": {column: cells[rows] for column, cells in attributes.items()},
+            "plane": plane,
+            "timed": True,
+        }
+        if is_good:
+            track = object.__new__(Track)
+            track.__dict__.update(values)
+        else:
+            track = Track(**values)
+        tracks.append(track)
+    return tracks
+
+
 def time_bounds(span: slice) -> tuple[float, float]:
     """Both ends of a slice of times in seconds; infinite where left out.
 
@@ -197,16 +265,14 @@ def _check(track: Track) -> None:
         raise TrackError("no samples", location=name)
 
     # Numbers.
-    broken = ~(np.isfinite(times) & np.isfinite(positions).all(axis=1))
-    if broken.any():
+    if not (np.isfinite(times).all() and np.isfinite(positions).all()):
+        broken = ~(np.isfinite(times) & np.isfinite(positions).all(axis=1))
         raise TrackError(
             f"sample {int(broken.argmax())} is not finite",
             location=name,
             remedy="drop or repair such samples first",
         )
-
-    # ``argmax`` of booleans is the first True, here the first sample that is not later.
-    late = np.diff(times) <= 0
+    late = times[1:] <= times[:-1]
     if late.any():
         sample = int(late.argmax()) + 1
         raise TrackError(

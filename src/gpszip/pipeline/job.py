@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from gpszip.archive import Archive
 from gpszip.container.contents import Section
-from gpszip.geo.gaps import estimate_gap, find_gaps, piece_time_ranges
+from gpszip.geo.gaps import estimate_gap, find_gaps, find_gaps_of_all, piece_time_ranges
 from gpszip.geo.sampling import sampling_interval
+from gpszip.geo.steps import group_medians, steps_between
 from gpszip.model import Listener, Options, Progress, Track
 from gpszip.model.log import Log, LogTrack, MemoryLog
 from gpszip.pipeline.bounds import size_in_bytes, with_bound
@@ -100,8 +101,11 @@ class Job:
     @property
     def step(self) -> float:
         """Seconds between two samples of the most densely sampled track; 0 without any."""
-        timed = [track for track in self.sample if track.timed and len(track) > 1]
-        return min((float(np.median(np.diff(track.times))) for track in timed), default=0.0)
+        times = [track.times for track in self.sample if track.timed and len(track) > 1]
+        if not times:
+            return 0.0
+        counts = [len(of_track) - 1 for of_track in times]
+        return float(group_medians(steps_between(times), counts).min())
 
     @cached_property
     def shape_times(self) -> SyntheticTimes:
@@ -111,6 +115,11 @@ class Job:
     @cached_property
     def time_ranges(self) -> list[NDArray[np.float64]]:
         """For each track, the times of the first and last sample of each piece, in seconds."""
+        if isinstance(self.log, MemoryLog):
+            return [
+                piece_time_ranges(track.times, gaps) if track.timed else np.zeros((0, 2))
+                for track, gaps in zip(self.log.tracks, self.gaps, strict=True)
+            ]
         return [_time_ranges(self.log, track, self.gap) for track in self.log.tracks]
 
     @property
@@ -163,7 +172,7 @@ def prepare(
 
     # Gaps: intervals in which nothing is known of the path.
     gap = estimate_gap(timed) if options.gap is None else options.gap
-    gaps = tuple(find_gaps(track, gap) for track in sample)
+    gaps = tuple(find_gaps_of_all(sample, gap))
     timed_gaps = [gap for track, gap in zip(sample, gaps, strict=True) if track.timed]
     sampling = sampling_interval(timed, timed_gaps) if timed else None
 
@@ -194,7 +203,7 @@ def prepare(
 
 def on_tracks(job: Job, tracks: tuple[Track, ...]) -> Job:
     """Return the job for other tracks in memory, with the same gap."""
-    gaps = tuple(find_gaps(track, job.gap) for track in tracks)
+    gaps = tuple(find_gaps_of_all(tracks, job.gap))
     return replace(job, log=MemoryLog(tracks), sample=tracks, gaps=gaps)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpszip.archive import Archive
 from gpszip.errors import InputError, OptionError
@@ -73,6 +74,8 @@ def check_tracks(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
 
 def _check_range(track: Track) -> None:
     """Refuse numbers that no grid reaches."""
+    if max(_largest(track.positions), _largest(track.times)) <= _MAX_MAGNITUDE:
+        return
     magnitudes = {
         "position": np.abs(track.positions).max(axis=1),
         "time": np.abs(track.times),
@@ -86,6 +89,11 @@ def _check_range(track: Track) -> None:
                 location=f"track {track.id!r}: sample {sample}",
                 remedy="drop such samples, or name other columns",
             )
+
+
+def _largest(values: NDArray[np.float64]) -> float:
+    """Largest absolute value."""
+    return max(float(values.max()), -float(values.min()))
 
 
 def on_plane_of(map: Archive, log: Log, options: Options) -> Log:

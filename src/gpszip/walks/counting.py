@@ -38,7 +38,7 @@ def build_road_map(
     >>> road_map.edges.tolist(), road_map.forward.tolist(), road_map.backward.tolist()
     ([[0, 1]], [1], [1])
     """
-    pairs = np.concatenate([np.zeros((0, 2), np.int32), *map(_travelled_pairs, walks)])
+    pairs = _travelled_pairs(walks)
     return build_road_map_from_counts(nodes, pairs, np.ones(len(pairs), np.int64), plane=plane)
 
 
@@ -97,18 +97,51 @@ def find_travelled_segments(walk: Walk | GridWalk) -> NDArray[np.bool_]:
     [True, False]
     """
     moved: NDArray[np.bool_] = ~walk.gaps & (walk.nodes[1:] != walk.nodes[:-1])
-    if isinstance(walk, GridWalk) or walk.time_ranges is None or walk.times is None:
-        return moved
+    if isinstance(walk, Walk) and _has_time_ranges(walk):
+        moved &= _are_within_pieces([walk])
+    return moved
+
+
+def _travelled_pairs(walks: Sequence[Walk | GridWalk]) -> NDArray[np.int32]:
+    """Nodes at both ends of each travelled segment of all walks, shape (t, 2)."""
+    if not walks:
+        return np.zeros((0, 2), np.int32)
+
+    # All segments; those that lead from one walk to the next are none.
+    nodes = np.concatenate([walk.nodes for walk in walks])
+    counts = np.array([len(walk.gaps) for walk in walks])
+    starts = np.ones(len(nodes), np.bool_)
+    starts[np.cumsum(counts + 1) - 1] = False
+    first = np.flatnonzero(starts)
+    pairs = np.stack((nodes[first], nodes[first + 1]), axis=1)
+
+    # Those that are travel.
+    moved = ~np.concatenate([walk.gaps for walk in walks]) & (pairs[:, 0] != pairs[:, 1])
+    bounded = [walk for walk in walks if isinstance(walk, Walk) and _has_time_ranges(walk)]
+    if bounded:
+        is_bounded = [isinstance(walk, Walk) and _has_time_ranges(walk) for walk in walks]
+        moved[np.repeat(is_bounded, counts)] &= _are_within_pieces(bounded)
+    travelled: NDArray[np.int32] = pairs[moved]
+    return travelled
+
+
+def _has_time_ranges(walk: Walk) -> bool:
+    return walk.times is not None and walk.time_ranges is not None
+
+
+def _are_within_pieces(walks: Sequence[Walk]) -> NDArray[np.bool_]:
+    """Which segments of walks with time ranges lie at least in part in that of their piece."""
+    # The piece of each knot: a new one begins with each walk and after each gap.
+    times = np.concatenate([walk.times for walk in walks if walk.times is not None])
+    ranges = np.concatenate([walk.time_ranges for walk in walks if walk.time_ranges is not None])
+    ends = np.cumsum([len(walk.nodes) for walk in walks]) - 1
+    starts = np.ones(len(times), np.bool_)
+    starts[ends] = False
+    begins_piece = np.ones(len(times), np.bool_)
+    first = np.flatnonzero(starts)
+    begins_piece[first + 1] = np.concatenate([walk.gaps for walk in walks])
+    piece = np.cumsum(begins_piece) - 1
 
     # Only the first and the last segment of a piece can lie outside of its time range.
-    # The piece in which each segment lies: one more after each gap.
-    piece = np.append(0, np.cumsum(walk.gaps))[:-1]
-    begins, ends = walk.time_ranges[piece].T if len(piece) else (np.zeros(0), np.zeros(0))
-    return np.asarray(moved & (walk.times[1:] > begins) & (walk.times[:-1] < ends))
-
-
-def _travelled_pairs(walk: Walk | GridWalk) -> NDArray[np.int32]:
-    """Nodes at both ends of each travelled segment, shape (t, 2)."""
-    pairs = np.stack((walk.nodes[:-1], walk.nodes[1:]), axis=1)
-    travelled: NDArray[np.int32] = pairs[find_travelled_segments(walk)]
-    return travelled
+    begins, after = ranges[piece[first]].T
+    return np.asarray((times[first + 1] > begins) & (times[first] < after))

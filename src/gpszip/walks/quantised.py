@@ -89,10 +89,15 @@ def dequantise_walks(
     # Time ranges of the pieces, where the archive keeps them.
     time_ranges = stored_time_ranges(grid_walks, grid) if grid_walks.timed else None
 
-    walks = []
+    # Times of all knots at once, since there may be many short walks.
+    steps = [walk.time_steps for walk in grid_walks.walks] if grid_walks.timed else []
+    all_times = knot_times(np.concatenate(steps), grid) if steps else np.zeros(0)
+
+    walks, end = [], 0
     for number, (name, walk) in enumerate(zip(ids, grid_walks.walks, strict=True)):
+        start, end = end, end + len(walk.nodes)
         timed = grid_walks.timed and number not in grid_walks.untimed
-        times = knot_times(walk.time_steps, grid) if timed else None
+        times = all_times[start:end] if timed else None
         of_walk = time_ranges[number] if timed and time_ranges is not None else None
         walks.append(Walk(name, walk.nodes, times, walk.gaps, of_walk))
     return tuple(walks)

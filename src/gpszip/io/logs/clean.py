@@ -16,6 +16,7 @@ from gpszip.errors import InputError
 from gpszip.io.logs.globe import GlobeCheck, find_zero_positions, format_off_globe
 from gpszip.io.logs.raw import RawLog, UnreadableCell
 from gpszip.io.logs.rows import LogRows
+from gpszip.io.values.finite import finite_rows
 from gpszip.model.read_result import Repair
 
 __all__ = [
@@ -67,7 +68,7 @@ def find_usable_rows(raw: RawLog, globe: GlobeCheck, repairs: list[Repair], *, c
     """
     # Count each dropped row once: by its time, else by its position.
     has_time = np.isfinite(raw.times)
-    has_position = np.asarray(np.isfinite(raw.coordinates).all(axis=1))
+    has_position = finite_rows(raw.coordinates)
     time_cell, position_cell = _first_unreadable_cells(raw)
     noun = raw.row_noun
     no_time, no_position = np.flatnonzero(~has_time), np.flatnonzero(has_time & ~has_position)
@@ -89,7 +90,7 @@ def find_usable_rows(raw: RawLog, globe: GlobeCheck, repairs: list[Repair], *, c
 def take_rows(raw: RawLog, rows: Rows) -> LogRows:
     """Return some rows of a batch; their codes are to be found."""
     # Without a change, arrays need no copies.
-    is_all = len(rows) == len(raw.times) and bool((np.diff(rows) == 1).all())
+    is_all = len(rows) == len(raw.times) and bool((rows[1:] > rows[:-1]).all())
     take = slice(None) if is_all else rows
     return LogRows(
         np.zeros(len(rows), np.int32),
@@ -112,7 +113,7 @@ def _first_unreadable_cells(raw: RawLog) -> tuple[UnreadableCell | None, Unreada
 
 def _drop_off_globe(raw: RawLog, rows: Rows, globe: GlobeCheck, repairs: list[Repair]) -> Rows:
     """Drop positions off the globe."""
-    off = globe.find(raw.coordinates[rows], rows + raw.first, raw.name, raw.row_noun)
+    off = globe.find(_coordinates_of(raw, rows), rows + raw.first, raw.name, raw.row_noun)
     if not off.any():
         return rows
     value = format_off_globe(raw.coordinates[rows[off.argmax()]])
@@ -123,9 +124,14 @@ def _drop_off_globe(raw: RawLog, rows: Rows, globe: GlobeCheck, repairs: list[Re
     return kept
 
 
+def _coordinates_of(raw: RawLog, rows: Rows) -> NDArray[np.float64]:
+    """Return the coordinates of increasing rows, which are mostly all of a batch: no copy then."""
+    return raw.coordinates if len(rows) == len(raw.coordinates) else raw.coordinates[rows]
+
+
 def _handle_zero_positions(raw: RawLog, rows: Rows, repairs: list[Repair], *, clean: bool) -> Rows:
     """Drop positions at 0,0 if all others are far from there, or only report them first."""
-    zero = find_zero_positions(raw.coordinates[rows])
+    zero = find_zero_positions(_coordinates_of(raw, rows))
     if not zero.any():
         return rows
     if clean:

@@ -76,6 +76,8 @@ class CollectedLog:
         codes = [code for track in self.tracks for code in track.codes]
         blocks = self._store.sorted_rows(codes)
         yield from drop_repeated_rows(blocks, self._ends_before, self._repeated)
+        if not self._repeated.in_two_files.any():
+            return
         for track in self.tracks:
             if count := int(self._repeated.in_two_files[list(track.codes)].sum()):
                 what = "points at a time that another file has, too, dropped"

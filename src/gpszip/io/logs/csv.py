@@ -70,8 +70,9 @@ _MAX_CUT_BYTES = 8
 #: Bytes that are decoded at a time to check an encoding.
 _CHUNK_BYTES = 1 << 20
 
-#: Control characters that text may hold: tab, line feed, form feed, carriage return, end of file.
-_TEXT_CONTROLS = (9, 10, 12, 13, 26)
+#: Control characters that text doesn't hold: all but tab, line feed, form feed, carriage return and
+#: end of file.
+_BINARY_CONTROLS = bytes(byte for byte in range(32) if byte not in (9, 10, 12, 13, 26))
 
 #: Text has at most one other control character in this number of bytes.
 _BYTES_PER_CONTROL = 20
@@ -83,7 +84,6 @@ _MAX_REASON_LETTERS = 120
 #: Names by which ``--columns`` passes over a column.
 _UNNAMED = ("", "-", "_")
 
-_LINE_END = re.compile(r"\r\n|\r|\n")
 _SEP = re.compile(r"\"?sep=(.)\"?\s*", re.IGNORECASE)
 _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
@@ -164,7 +164,7 @@ def sniff_csv(head: bytes) -> bool:
     """
     if head.startswith(_UTF16_MARKS):
         return True
-    controls = sum(head.count(byte) for byte in range(32) if byte not in _TEXT_CONTROLS)
+    controls = len(head) - len(head.translate(None, _BINARY_CONTROLS))
     return b"\0" not in head and controls * _BYTES_PER_CONTROL <= len(head)
 
 
@@ -467,7 +467,7 @@ def detect_dialect(head: bytes, request: Request, where: str) -> Dialect:
 
     # 2. What comes before the table
     names_by_user = request.columns if isinstance(request.columns, tuple) else None
-    lines = _LINE_END.split(text)
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     delimiter, start = _declared_delimiter(lines)
     start = _skip_comments(lines, start)
     is_last_line = start == len(lines) - 1

@@ -34,6 +34,7 @@ from gpszip.io.logs.raw import RawLog, UnreadableCell
 from gpszip.io.logs.repeats import RepeatedRows
 from gpszip.io.logs.rows import RowStore
 from gpszip.io.storage.source import Source
+from gpszip.io.values.finite import finite_rows
 from gpszip.model.read_result import LeftOut, Loss, Repair
 
 __all__ = ["CleaningOptions", "FileCollector"]
@@ -144,8 +145,7 @@ class FileCollector:
 
         # Group them by the names of their tracks.
         names = names[rows]
-        # The sort is stable: only the order of the file shows where time goes back.
-        if (np.diff(names) < 0).any():
+        if (names[1:] < names[:-1]).any():
             order = np.argsort(names, kind="stable")
             rows, names = rows[order], names[order]
 
@@ -180,7 +180,7 @@ class FileCollector:
             self._readable.update(_NEEDED)
         elif len(self._readable) < len(_NEEDED):
             has_time = np.isfinite(raw.times)
-            has_position = np.isfinite(raw.coordinates).all(axis=1)
+            has_position = finite_rows(raw.coordinates)
             has = (has_time, has_position, has_time & has_position)
             self._readable.update(w for w, rows in zip(_NEEDED, has, strict=True) if rows.any())
 
@@ -305,16 +305,17 @@ class FileCollector:
         # A dropped row that repeats the position as well is no loss; one at another position is.
         at_other = repeated.at_other[own]
         usable = np.bincount(tracks["name"], tracks["rows"] - at_other, minlength=name_count)
-        lost = (self.tracks.points - usable).astype(np.int64).tolist()
+        lost = (self.tracks.points - usable).astype(np.int64)
         shared = np.zeros(name_count, np.int64)
         np.maximum.at(shared, tracks["name"], repeated.shared[own])
 
         # Rows that the reader itself dropped can't be assigned to a track.
         losses = loss_if_large("", self.name, self.dropped_by_reader, self.points)
         left_out = {item.name for item in self.left_out}
-        for i, name in enumerate(self.tracks.names):
+        for i in np.flatnonzero(lost).tolist():
+            name = self.tracks.names[i]
             if f"{self.name}: track {name!r}" not in left_out:
                 track = unnamed if name is None else name
                 points = int(self.tracks.points[i])
-                losses += loss_if_large(track, self.name, lost[i], points, int(shared[i]))
+                losses += loss_if_large(track, self.name, int(lost[i]), points, int(shared[i]))
         return losses

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gpszip.io.logs.losses import MIN_STOPPED_POSITIONS
 from gpszip.io.logs.raw import RawLog, unused_name
-from gpszip.io.logs.rows import Codes, Flags, Floats
+from gpszip.io.logs.rows import Codes, Flags, Floats, begins_run
 
 __all__ = ["AssignedRows", "FileTracks", "NamedTrack"]
 
@@ -160,14 +160,14 @@ class FileTracks:
             Start a new track where time goes back.
         """
         # A name that comes for the first time stands for a new track.
-        starts = np.diff(names, prepend=-1) != 0
+        starts = begins_run(names)
         own = names[starts]
         new = own[self._present[own] < 0]
         self._present[new] = self._add_tracks(new)
 
         # Compare each row with the one before, the first one of a batch with that of the last.
-        # The last time of a new track is -inf, so its first step is inf and never goes back.
-        steps = np.diff(times, prepend=0.0)
+        steps = np.empty(len(times))
+        np.subtract(times[1:], times[:-1], out=steps[1:])
         steps[starts] = times[starts] - self._tracks["row_time"][self._present[own]]
         goes_back = steps < 0
         if not split or not goes_back.any():
@@ -187,7 +187,7 @@ class FileTracks:
         codes = codes - self.first_code
         if not len(codes):
             return
-        starts = np.flatnonzero(np.diff(codes, prepend=-1))
+        starts = np.flatnonzero(begins_run(codes))
         stops = np.append(starts[1:], len(codes))
         own = codes[starts]
         tracks = self._tracks[own]

@@ -71,17 +71,20 @@ class GlobeCheck:
         # Longitudes run from -180 to 180 in most logs, and from 0 to 360 in some.
         lat, lon = degrees[:, 0], degrees[:, 1]
         off: NDArray[np.bool_] = (np.abs(lat) > 90) | (lon < -180) | (lon > 360)
-        self.on += int((~off).sum())
-        self.off += int(off.sum())
+        off_count = int(np.count_nonzero(off))
+        self.on += len(off) - off_count
+        self.off += off_count
         if self.first is None and off.any():
             i = int(off.argmax())
             self.path, self.location = path, f"{row_noun} {int(rows[i])}"
             self.first = (float(lat[i]), float(lon[i]))
 
         # Collect what distinguishes swapped coordinates from bad values.
-        self._may_be_swapped &= bool((np.abs(lon) <= 90).all() and (np.abs(lat) <= 180).all())
-        self._highest_on = max(self._highest_on, float(np.abs(lat[~off]).max(initial=0.0)))
-        self._lowest_off = min(self._lowest_off, float(np.abs(lat[off]).min(initial=np.inf)))
+        size = np.abs(lat)
+        self._may_be_swapped &= bool((np.abs(lon) <= 90).all() and (size <= 180).all())
+        on_globe = size[~off] if off_count else size
+        self._highest_on = max(self._highest_on, float(on_globe.max(initial=0.0)))
+        self._lowest_off = min(self._lowest_off, float(size[off].min(initial=np.inf)))
         return off
 
     def check(self, *, skip_bad: bool) -> None:
@@ -140,9 +143,9 @@ def find_zero_positions(degrees: Floats) -> NDArray[np.bool_]:
     >>> find_zero_positions(np.array([[0.01, 0.01], [0, 0]])).tolist()
     [False, False]
     """
-    # Many receivers write 0,0 until they have a fix. A log near that point may have measured it,
-    # so one other position near there keeps all of them.
-    zero: NDArray[np.bool_] = (degrees == 0).all(axis=1)
+    zero: NDArray[np.bool_] = (degrees[:, 0] == 0) & (degrees[:, 1] == 0)
+    if not zero.any():
+        return zero
     others = np.abs(degrees[~zero])
     return zero & bool(len(others) and (others > _FAR_FROM_ZERO).any(axis=1).all())
 

@@ -103,6 +103,10 @@ def join_tracks(
     joined: list[JoinedTrack] = []
     ends_before = np.full(max((file.tracks.next_code for file in files), default=0), np.nan)
     for name, group in by_name.items():
+        # Most names are those of one track in one file.
+        if len(group) == 1:
+            joined.append(JoinedTrack(name, (group[0].code,), group[0].where, group[0].timed))
+            continue
         successive, overlapping = _split_overlapping(group)
         codes = tuple(part.code for part in successive)
         ends_before[list(codes[1:])] = [part.last_time for part in successive[:-1]]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.io.logs.raw import RawLog
-from gpszip.io.logs.rows import LogRows, concatenate_rows
+from gpszip.io.logs.rows import LogRows, begins_run, concatenate_rows
 
 __all__ = ["MemoryRows"]
 
@@ -53,8 +53,9 @@ class MemoryRows:
 
 def _sorted_order(rows: LogRows) -> NDArray[np.intp] | None:
     """Return the order of rows by track and time; None if they have it already."""
-    same_track = np.diff(rows.codes) == 0
-    if (np.diff(rows.codes) >= 0).all() and not (np.diff(rows.times)[same_track] < 0).any():
+    later, earlier = rows.times[1:], rows.times[:-1]
+    is_disordered = (later < earlier) & ~begins_run(rows.codes)[1:]
+    if not (rows.codes[1:] < rows.codes[:-1]).any() and not is_disordered.any():
         return None
     # The last key comes first: by track, then by time, and else in the order of the file.
     return np.lexsort((rows.times, rows.codes))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError
 from gpszip.io.logs.raw import GuessedUnit, RawLog, Request
+from gpszip.io.values.finite import finite_rows
 from gpszip.io.values.timestamps import TIME_UNITS, numbers_to_seconds, unit_seconds
 from gpszip.model.read_result import Repair
 
@@ -99,8 +100,8 @@ class _Motion:
         Seconds from the first point of a window to the last.
     displacement : float64 array, shape (w,)
         Metres between these two points.
-    path_length : float64 array, shape (w,)
-        Metres along all points between them.
+    path_length : float64 array, shape (w,) or (0,)
+        Metres along all points between them; empty where it was not asked for.
     median_step : float
         Median of the seconds between successive points.
     """
@@ -142,14 +143,10 @@ def check_plausible(raw: RawLog, request: Request) -> RawLog:
         If times or positions are certainly read in a wrong way.
     """
     # Take the points that can be used, track by track.
-    good = np.isfinite(raw.times) & np.isfinite(raw.coordinates).all(axis=1)
-    rows = np.flatnonzero(good)
-    if len(rows) < 3:
+    good = np.isfinite(raw.times) & finite_rows(raw.coordinates)
+    if np.count_nonzero(good) < 3:
         return raw
-    if raw.codes is not None:
-        rows = rows[np.argsort(raw.codes[rows], kind="stable")]
-    track = np.zeros(len(rows), np.int64) if raw.codes is None else raw.codes[rows].astype(np.int64)
-    times, coordinates = raw.times[rows], raw.coordinates[rows]
+    times, coordinates, track = _good_points(raw, good)
 
     # Check positions: are metres degrees?
     if not raw.geographic:
@@ -157,7 +154,7 @@ def check_plausible(raw: RawLog, request: Request) -> RawLog:
         return raw if doubt is None else replace(raw, repairs=(*raw.repairs, doubt))
 
     # Check the unit of times. Positions off the globe are handled by clean_log.
-    if raw.guessed_unit is None or np.abs(coordinates[:, 0]).max() > 90:
+    if raw.guessed_unit is None or _largest(coordinates[:, 0]) > 90:
         return raw
     if _are_spreadsheet_days(raw.guessed_unit, times, coordinates, track):
         converted = replace(
@@ -168,6 +165,17 @@ def check_plausible(raw: RawLog, request: Request) -> RawLog:
         return note_spreadsheet_days(converted)
     _check_unit(raw, raw.guessed_unit, times, coordinates, track)
     return raw
+
+
+def _good_points(raw: RawLog, good: NDArray[np.bool_]) -> tuple[Floats, Floats, NDArray[np.int64]]:
+    """Return times, coordinates and codes of the points that can be used, track by track."""
+    # Most logs need no copy: all points are good, and those of a track follow each other.
+    codes = np.zeros(len(good), np.int64) if raw.codes is None else raw.codes
+    rows: NDArray[np.intp] | slice = slice(None) if good.all() else np.flatnonzero(good)
+    taken = codes[rows]
+    if (taken[1:] < taken[:-1]).any():
+        rows = np.flatnonzero(good)[np.argsort(taken, kind="stable")]
+    return raw.times[rows], raw.coordinates[rows], codes[rows].astype(np.int64, copy=False)
 
 
 def note_spreadsheet_days(raw: RawLog) -> RawLog:
@@ -182,7 +190,7 @@ def note_spreadsheet_days(raw: RawLog) -> RawLog:
     # hold for all rows.
     first, last = numbers_to_seconds(np.array(_SPREADSHEET_DAYS), "excel")
     outside = (raw.times < first) | (raw.times >= last)
-    outside &= np.isfinite(raw.coordinates).all(axis=1)
+    outside &= finite_rows(raw.coordinates)
     if outside.any():
         row = raw.first + int(outside.argmax())
         raise InputError(
@@ -300,24 +308,20 @@ def _degrees_as_metres(
 
     # Are the numbers possible as degrees, and either far from the origin or far apart?
     x, y = coordinates[:, 0], coordinates[:, 1]
-    is_swapped = np.abs(y).max() > 90
+    is_swapped = _largest(y) > 90
     lon, lat = (y, x) if is_swapped else (x, y)
     extent = max(float(np.ptp(x)), float(np.ptp(y)))
-    offset = max(abs(float(np.median(x))), abs(float(np.median(y))))
-    is_far = offset >= _MIN_OFFSET_EXTENTS * extent
+    if _largest(lat) > 90 or _largest(lon) > 180 or extent < _MIN_EXTENT:
+        return None
+    is_far = _are_far(x, y, extent)
     is_wide = extent >= _MIN_WIDE_EXTENT
-    if (
-        np.abs(lat).max() > 90
-        or np.abs(lon).max() > 180
-        or extent < _MIN_EXTENT
-        or not (_has_many_decimals(x) or _has_many_decimals(y))
-        or not (is_far or is_wide)
-    ):
+    if not (is_far or is_wide) or not (_has_many_decimals(x) or _has_many_decimals(y)):
         return None
 
     # Are the speeds in metres those of a snail, and the speeds in degrees those of travel?
     as_metres = _measure_motion(times, np.stack([x, y], axis=1), track, geographic=False)
-    as_degrees = _measure_motion(times, np.stack([lat, lon], axis=1), track)
+    degrees = np.stack([lat, lon], axis=1)
+    as_degrees = _measure_motion(times, degrees, track, with_paths=True)
     crawl, speed = as_metres.median_speed(), as_degrees.median_speed()
     if not (crawl < _MAX_CRAWL_SPEED and _TRAVEL_SPEEDS[0] <= speed <= _TRAVEL_SPEEDS[1]):
         return None
@@ -347,6 +351,20 @@ def _degrees_as_metres(
     return Repair(what, len(times), raw.name, drops=False)
 
 
+def _are_far(x: Floats, y: Floats, extent: float) -> bool:
+    """Whether the medians are farther from the origin than a multiple of the extent."""
+    # No median is farther than the farthest number, which takes less time to find.
+    limit = _MIN_OFFSET_EXTENTS * extent
+    if max(_largest(x), _largest(y)) < limit:
+        return False
+    return max(abs(float(np.median(x))), abs(float(np.median(y)))) >= limit
+
+
+def _largest(axis: Floats) -> float:
+    """Largest absolute value."""
+    return max(float(axis.max()), -float(axis.min()))
+
+
 def _has_many_decimals(axis: Floats) -> bool:
     """Whether most numbers have more decimals than positions in metres."""
     # Float64 holds degrees to 1e-13, so a larger excess comes from decimals.
@@ -358,16 +376,16 @@ def _has_many_decimals(axis: Floats) -> bool:
 
 
 def _measure_motion(
-    times: Floats, coordinates: Floats, track: NDArray[np.int64], *, geographic: bool = True
+    times: Floats,
+    coordinates: Floats,
+    track: NDArray[np.int64],
+    *,
+    geographic: bool = True,
+    with_paths: bool = False,
 ) -> _Motion:
     """Measure windows of successive points of one track."""
-    # Measure steps from point to point.
-    steps = _distances(coordinates[:-1], coordinates[1:], geographic)
-    same_track = np.diff(track) == 0
-    durations = np.diff(times)[same_track]
-    path = np.append(0.0, np.cumsum(np.where(same_track, steps, 0.0)))
-
     # Windows begin and end at every 16th point of a track, and where tracks begin and end.
+    same_track = track[1:] == track[:-1]
     first_of_track = np.flatnonzero(np.append(True, ~same_track))
     lengths = np.diff(np.append(first_of_track, len(times)))
     index_in_track = np.arange(len(times)) - np.repeat(first_of_track, lengths)
@@ -377,12 +395,20 @@ def _measure_motion(
     in_one_track = track[begin] == track[end]
     begin, end = begin[in_one_track], end[in_one_track]
 
+    # Add up steps from point to point.
+    path_length = np.zeros(0)
+    if with_paths:
+        steps = _distances(coordinates[:-1], coordinates[1:], geographic)
+        path = np.append(0.0, np.cumsum(np.where(same_track, steps, 0.0)))
+        path_length = path[end] - path[begin]
+
     # Measure the windows. Steps back in time and repeated times don't count for the median step.
+    durations = np.diff(times)[same_track]
     positive = durations[durations > 0]
     return _Motion(
         duration=times[end] - times[begin],
         displacement=_distances(coordinates[begin], coordinates[end], geographic),
-        path_length=path[end] - path[begin],
+        path_length=path_length,
         median_step=float(np.median(positive)) if len(positive) else np.inf,
     )
 

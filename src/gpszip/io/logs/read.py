@@ -21,11 +21,12 @@ from gpszip.io.logs.file_collector import CleaningOptions
 from gpszip.io.logs.log_file import Sources, open_log_files
 from gpszip.io.logs.memory_rows import MemoryRows
 from gpszip.io.logs.raw import Request
-from gpszip.io.logs.rows import Floats, LogRows
+from gpszip.io.logs.rows import Floats, LogRows, begins_run, concatenate_rows
 from gpszip.io.logs.shapes import measure_points, repeated_points_repair
 from gpszip.io.tables.roles import parse_columns
 from gpszip.model import Plane, Track
 from gpszip.model.read_result import ReadResult, Repair
+from gpszip.model.track import tracks_from_rows
 
 __all__ = ["ReadOptions", "parse_options", "read_logs"]
 
@@ -199,7 +200,10 @@ def read_logs(
     # Read and clean all files, and put together the rows of each track.
     files = open_log_files(sources, format, request, in_batches=False)
     log = collect_log(files, MemoryRows(), cleaning)
-    tracks = _gather_tracks(log)
+    blocks = list(log.sorted_rows())
+    if not clean and _may_share_rows(log, blocks):
+        return log.read_result(_share_rows(log, blocks), ())
+    tracks = _gather_tracks(log, blocks)
     positions, plane = _project(tracks, log.geographic)
 
     # Without its outliers, a log may fit on a better plane.
@@ -216,12 +220,53 @@ def read_logs(
     return log.read_result(built, repairs)
 
 
-def _gather_tracks(log: CollectedLog) -> list[_MemoryTrack]:
+def _may_share_rows(log: CollectedLog, blocks: Sequence[LogRows]) -> bool:
+    """Whether all tracks have times and the same attributes, so that they may share arrays."""
+    return all(track.timed for track in log.tracks) and all(
+        block.attributes.keys() == blocks[0].attributes.keys() for block in blocks
+    )
+
+
+def _share_rows(log: CollectedLog, blocks: Sequence[LogRows]) -> list[Track]:
+    """Make all tracks at once, in arrays that they share: there may be many short ones."""
+    # Where the rows of each code are.
+    rows = concatenate_rows(blocks)
+    starts = np.flatnonzero(begins_run(rows.codes))
+    first, count = np.zeros(log.code_count, np.int64), np.zeros(log.code_count, np.int64)
+    first[rows.codes[starts]] = starts
+    count[rows.codes[starts]] = np.diff(starts, append=len(rows))
+
+    # Bring them to the order of tracks, unless they have it. A file may have brought a single row
+    # at a time that another file has, too: then its code has none.
+    codes = np.array([code for track in log.tracks for code in track.codes])
+    order = _row_ranges(first[codes], count[codes])
+    if len(order) < len(rows) or (order[1:] < order[:-1]).any():
+        rows = rows.take(order)
+
+    # Project them, and cut them into tracks.
+    coordinates, plane = rows.coordinates, None
+    if log.geographic:
+        plane = choose_plane(coordinates[:, 0], coordinates[:, 1])
+        coordinates = to_plane(coordinates[:, 0], coordinates[:, 1], plane)
+    parts = np.array([len(track.codes) for track in log.tracks])
+    counts = np.add.reduceat(count[codes], np.cumsum(parts) - parts)
+    names = [track.name for track in log.tracks]
+    return tracks_from_rows(names, counts.tolist(), rows.times, coordinates, rows.attributes, plane)
+
+
+def _row_ranges(first: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Numbers of ``count[i]`` rows from ``first[i]`` on, for each i in turn."""
+    shift = first - (np.cumsum(count) - count)
+    rows: NDArray[np.int64] = np.arange(int(count.sum())) + np.repeat(shift, count)
+    return rows
+
+
+def _gather_tracks(log: CollectedLog, blocks: Sequence[LogRows]) -> list[_MemoryTrack]:
     """Put together the rows of each track, which may come from several files."""
     # Cut the sorted rows where a track starts.
     rows_by_code: dict[int, LogRows] = {}
-    for block in log.sorted_rows():
-        starts = np.flatnonzero(np.diff(block.codes, prepend=-1)).tolist()
+    for block in blocks:
+        starts = np.flatnonzero(begins_run(block.codes)).tolist()
         for start, stop in pairwise([*starts, len(block)]):
             rows_by_code[int(block.codes[start])] = block.take(slice(start, stop))
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.io.logs.rows import Codes, Flags, Floats, LogRows, concatenate_rows
+from gpszip.io.logs.rows import Codes, Flags, Floats, LogRows, begins_run, concatenate_rows
 
 __all__ = ["RepeatedRows", "RepeatedTimes", "drop_repeated_rows", "find_repeated_times"]
 
@@ -146,8 +146,7 @@ def drop_repeated_rows(
             sharing = int(shared[-1])
 
         # The rows of the next file may start at the time at which those of this one end.
-        starts = np.diff(rows.codes, prepend=-1) != 0
-        # The row in front of the block was counted with its own block.
+        starts = begins_run(rows.codes)
         starts[:context] = False
         starts &= rows.times == ends_before[rows.codes]
         np.add.at(repeated.in_two_files, rows.codes[starts], 1)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gpszip.io.logs.raw import RawLog
 
-__all__ = ["Codes", "Flags", "Floats", "LogRows", "RowStore", "concatenate_rows"]
+__all__ = ["Codes", "Flags", "Floats", "LogRows", "RowStore", "begins_run", "concatenate_rows"]
 
 Codes: TypeAlias = NDArray[np.int32]
 Flags: TypeAlias = NDArray[np.bool_]
@@ -70,6 +70,19 @@ def concatenate_rows(blocks: Sequence[LogRows]) -> LogRows:
             for name in blocks[0].attributes
         },
     )
+
+
+def begins_run(codes: NDArray[Any]) -> Flags:
+    """Return whether each row has another code than the row before, as the first one does.
+
+    Examples
+    --------
+    >>> begins_run(np.array([5, 5, 7])).tolist()
+    [True, False, True]
+    """
+    begins = np.ones(len(codes), np.bool_)
+    np.not_equal(codes[1:], codes[:-1], out=begins[1:])
+    return begins
 
 
 class RowStore(Protocol):

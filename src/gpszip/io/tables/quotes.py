@@ -10,6 +10,8 @@ import codecs
 import re
 from collections.abc import Iterator
 
+import numpy as np
+
 from gpszip.errors import InputError
 from gpszip.io.storage.expansion import read_chunk
 from gpszip.io.storage.source import Source
@@ -50,8 +52,7 @@ def check_quotes(source: Source, encoding: str, delimiter: str, rows: int) -> No
 
         # Count \n, \r and \r\n once each, also where \r\n is split between two blocks.
         is_split = last == b"\r" and block[:1] == b"\n"
-        ends = block.count(b"\n") + block.count(b"\r") - block.count(b"\r\n")
-        lines += ends - is_split
+        lines += _count_line_ends(block) - is_split
         last = block[-1:]
     # The last line may lack its end.
     lines += last not in (b"\n", b"\r")
@@ -59,6 +60,14 @@ def check_quotes(source: Source, encoding: str, delimiter: str, rows: int) -> No
     # Most files have as many lines as records. Only others need a closer look.
     if has_quotes and lines != rows:
         _check_cells(source, encoding, delimiter)
+
+
+def _count_line_ends(block: bytes) -> int:
+    r"""Count \n, \r and \r\n once each."""
+    # NumPy counts single bytes several times as fast as bytes.count does.
+    feeds = int(np.count_nonzero(np.frombuffer(block, np.uint8) == ord("\n")))
+    returns = block.count(b"\r") - block.count(b"\r\n") if b"\r" in block else 0
+    return feeds + returns
 
 
 def _check_cells(source: Source, encoding: str, delimiter: str) -> None:

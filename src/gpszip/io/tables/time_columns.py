@@ -17,7 +17,7 @@ from gpszip.io.logs.raw import GuessedUnit, Request, UnreadableCell
 from gpszip.io.tables.roles import Roles, time_unit_in_name
 from gpszip.io.values.arrow import is_text, to_floats, trimmed_text
 from gpszip.io.values.date_and_time import join_date_and_time
-from gpszip.io.values.dates import DATE_ORDERS
+from gpszip.io.values.dates import DATE_ORDERS, plain_iso_to_seconds
 from gpszip.io.values.timestamps import (
     guess_unit_by_size,
     holds_numbers,
@@ -34,6 +34,12 @@ __all__ = ["TimeColumn", "find_date_order", "join_time_columns", "read_times"]
 
 #: Least number of rows that show whether numbers are times of day.
 _MIN_CLOCK_ROWS = 10
+
+#: Rows that are read as hours, minutes and seconds at a time.
+_CLOCK_ROWS = 1 << 14
+
+#: Midnight at the end of a day, as hours, minutes and seconds.
+_CLOCK_END = 240_000
 
 #: Number of letters of a cell that messages show.
 _MAX_SHOWN_LETTERS = 80
@@ -108,6 +114,13 @@ def read_times(
     location = f"column {name!r}"
     cells = join_time_columns(columns, names, roles, request, where, decimal_comma=decimal_comma)
 
+    # Most texts are dates in ISO 8601, which no other notation looks like.
+    dates = find_date_order(names, roles, request)
+    if is_text(cells.type):
+        plain = plain_iso_to_seconds(trimmed_text(cells))
+        if plain is not None and np.isfinite(plain).any():
+            return TimeColumn(plain, unreadable=_first_unreadable(name, cells, plain))
+
     # Times of day count from midnight.
     if holds_times_of_day(cells):
         times = times_of_day_to_seconds(cells)
@@ -136,7 +149,7 @@ def read_times(
         where,
         location,
         origin=unit_origin(unit),
-        dates=find_date_order(names, roles, request),
+        dates=dates,
     )
     return TimeColumn(times, guessed_unit=guess, unreadable=_first_unreadable(name, cells, times))
 
@@ -234,13 +247,11 @@ def _refuse_clock_numbers(cells: Any, where: str, location: str) -> None:
     # All of them must be possible times of day.
     values = to_floats(cells)
     values = values[np.isfinite(values)]
-    hours, minutes, secs = values // 10_000, values // 100 % 100, values % 100
-    is_clock = (values >= 0) & (hours < 24) & (minutes < 60) & (secs < 60)
-    if len(values) < _MIN_CLOCK_ROWS or not is_clock.all():
+    clock = _read_clock_numbers(values)
+    if len(values) < _MIN_CLOCK_ROWS or clock is None:
         return
 
     # Count the distinct steps of both readings.
-    clock = 3600 * hours + 60 * minutes + secs
     steps_as_seconds, steps_as_clock = (
         len(np.unique(np.round(np.diff(times), 3))) for times in (values, clock)
     )
@@ -258,6 +269,22 @@ def _refuse_clock_numbers(cells: Any, where: str, location: str) -> None:
             remedy=f"write {first[:2]}:{first[2:4]}:{first[4:]}, "
             "or say that they are seconds: --time-unit s",
         )
+
+
+def _read_clock_numbers(values: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return the seconds since midnight of numbers hhmmss; None if one of them is none."""
+    # Most columns show in their first rows that they hold something else.
+    clock = np.empty(len(values))
+    for first in range(0, len(values), _CLOCK_ROWS):
+        rows = slice(first, first + _CLOCK_ROWS)
+        part = values[rows]
+        if part.min() < 0 or part.max() >= _CLOCK_END:
+            return None
+        hours, minutes, secs = part // 10_000, part // 100 % 100, part % 100
+        if minutes.max() >= 60 or secs.max() >= 60:
+            return None
+        clock[rows] = 3600 * hours + 60 * minutes + secs
+    return clock
 
 
 def _guess_unit(cells: Any, name: str) -> GuessedUnit | None:

@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError
 
-__all__ = ["DATE_ORDERS", "DateOrders", "clock_to_seconds", "dates_to_seconds", "find_date_orders"]
+__all__ = [
+    "DATE_ORDERS",
+    "DateOrders",
+    "clock_to_seconds",
+    "dates_to_seconds",
+    "find_date_orders",
+    "plain_iso_to_seconds",
+]
 
 #: Orders of day, month and year, in the order in which messages list them.
 DATE_ORDERS = ("dmy", "mdy", "ymd")
@@ -192,8 +199,9 @@ def dates_to_seconds(text: Any, order: str | None, path: str, location: str) -> 
     [1.5, 2.0, 1036800.0]
     """
     # Plain ISO 8601 is the most frequent form, and fast.
-    with suppress(pa.ArrowInvalid):
-        return _parse_plain_iso(text)
+    plain = plain_iso_to_seconds(text)
+    if plain is not None:
+        return plain
 
     # Read other dates form by form, each on the remaining cells.
     text = _separate_digits(text)
@@ -321,20 +329,36 @@ def _separate_digits(text: Any) -> Any:
     return pc.utf8_trim_whitespace(text)
 
 
-def _parse_plain_iso(text: Any) -> Floats:
+def plain_iso_to_seconds(text: Any) -> Floats | None:
     """Parse a column with Arrow's own parser.
 
-    Raises
-    ------
-    pyarrow.ArrowInvalid
-        If some cell is not plain ISO 8601.
+    Parameters
+    ----------
+    text : pyarrow.ChunkedArray, shape (n,)
+        Texts without surrounding white space.
+
+    Returns
+    -------
+    float64 array, shape (n,), or None
+        Seconds since 1970, NaN for empty cells; None if some cell is not plain ISO 8601.
+
+    Examples
+    --------
+    >>> plain_iso_to_seconds(pa.chunked_array([["1970-01-01T00:00:01.5Z", ""]])).tolist()
+    [1.5, nan]
+    >>> plain_iso_to_seconds(pa.chunked_array([["1970-01-01", "5"]])) is None
+    True
     """
-    text = pc.if_else(pc.equal(text, ""), pa.scalar(None, pa.string()), text)
-    try:
-        # Arrow parses a column without any zone or one with zones throughout, but no mixture.
-        timestamps = pc.cast(text, pa.timestamp("us"))
-    except pa.ArrowInvalid:
-        timestamps = pc.cast(text, pa.timestamp("us", "UTC"))
+    # Without a time zone, and with one.
+    is_empty = pc.equal(text, "")
+    if pc.any(is_empty).as_py():
+        text = pc.if_else(is_empty, pa.scalar(None, pa.string()), text)
+    for kind in (pa.timestamp("us"), pa.timestamp("us", "UTC")):
+        with suppress(pa.ArrowInvalid):
+            timestamps = pc.cast(text, kind)
+            break
+    else:
+        return None
 
     # Divide before adding, so that no precision is lost.
     ticks = pc.fill_null(pc.cast(timestamps, pa.int64()), 0).to_numpy()
