@@ -30,6 +30,7 @@ from gpszip.mapping.initial_map import (
 from gpszip.mapping.kernels.assign import Prices
 from gpszip.mapping.kernels.initial_map import NODE_COUNT, cluster_by_leader, index_nodes
 from gpszip.mapping.kernels.private_chain import find_private_chains
+from gpszip.mapping.offered_slots import assign_on_offered_slots
 from gpszip.mapping.placement import merge_nodes, place_nodes, place_on_grid
 from gpszip.mapping.plan import Plan
 from gpszip.mapping.time_grid import (
@@ -104,8 +105,6 @@ _NEAR = 0.06
 
 #: Rounds in which knots are assigned along segments that keep the maximum.
 _MAX_ERROR_ROUNDS = 4
-#: Rounds on all slots after those on the sparse ones.
-_DENSE_ROUNDS = 5
 #: Rounds at the end whose walks are always encoded.
 _ENCODED_ROUNDS = 2
 #: Slots to either side of a knot to which it may move in one of the dense rounds.
@@ -263,7 +262,7 @@ def fit(
     for turn in range(plan.rounds + plan.extra_rounds):
         if turn >= plan.rounds and (control.is_near() or best.is_used_up()):
             break
-        if sparse_grid is not None and turn >= plan.rounds - _DENSE_ROUNDS:
+        if sparse_grid is not None and turn >= plan.rounds - plan.dense_rounds:
             slot_nodes, current_grid = _restore_slots(
                 time_grid, sparse_grid, current_grid, slot_nodes
             )
@@ -272,7 +271,7 @@ def fit(
 
         # E-step, while the walks of the round before are encoded.
         assign = partial(
-            assign_knots,
+            assign_on_offered_slots,
             current_grid,
             slot_nodes,
             positions,
