@@ -49,7 +49,7 @@ from gpszip.model import GridWalks
 __all__ = ["WORK_BY_EFFORT", "improve_walks", "is_worthwhile", "select_best_outcomes"]
 
 #: Knots that may be encoded for one outcome, at efforts 1 to 9; a million take about 6 s.
-WORK_BY_EFFORT = (0, 30_000, 60_000, 100_000, 150_000, 400_000, 1_000_000, 2_500_000, 5_000_000)
+WORK_BY_EFFORT = (0, 30_000, 60_000, 120_000, 200_000, 400_000, 1_000_000, 2_500_000, 5_000_000)
 
 #: Knots encoded for each knot of the walks until nothing is left to improve.
 _WORK_PER_KNOT = 1600
@@ -302,7 +302,7 @@ def improve_walks(
         has priority.
     prior : Prior, optional
         Walks whose map these walks use; its nodes stay where they are.
-    work : int, default 300 000
+    work : int, default 200 000
         Knots that may be encoded in all.
     budgets : ErrorBudgets, optional
         Bounds on the root mean square errors of groups of samples, in place of the target.

@@ -67,6 +67,10 @@ class Plan:
         two slots, and of others once they miss the maximum.
     window : int, default 24
         Knots that the E-step chooses at once.
+    slots_per_knot : float, default infinity
+        Slots that each round offers for a knot, evenly spread, beside those next to knots.
+    dense_rounds : int, default 5
+        Rounds on all slots after those on the sparse ones.
     max_slots : int, default 300
         Slots that a segment may span.
     reach : float, default 3
@@ -86,6 +90,8 @@ class Plan:
     max_error_rounds: int = 4
     limits_all: bool = True
     window: int = 24
+    slots_per_knot: float = np.inf
+    dense_rounds: int = 5
     max_slots: int = 300
     reach: float = 3.0
 

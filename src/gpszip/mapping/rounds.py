@@ -32,6 +32,7 @@ from gpszip.mapping.kernels.assign_max_error import build_directions
 from gpszip.mapping.kernels.extreme_samples import mark_extreme_samples
 from gpszip.mapping.kernels.initial_map import NODE_COUNT, cluster_by_leader, index_nodes
 from gpszip.mapping.kernels.private_chain import find_private_chains
+from gpszip.mapping.offered_slots import assign_on_offered_slots
 from gpszip.mapping.placement import merge_nodes, place_nodes, place_on_grid
 from gpszip.mapping.plan import Plan
 from gpszip.mapping.time_grid import (
@@ -110,8 +111,6 @@ _NEAR = 0.06
 _FEW_SAMPLES = 8
 #: Directions in the plane in which samples are farthest out.
 _EXTREME_DIRECTIONS = 4
-#: Rounds on all slots after those on the sparse ones.
-_DENSE_ROUNDS = 5
 #: Rounds at the end whose walks are always encoded.
 _ENCODED_ROUNDS = 2
 #: Slots to either side of a knot to which it may move in one of the dense rounds.
@@ -269,7 +268,7 @@ def fit(
     for turn in range(plan.rounds + plan.extra_rounds):
         if turn >= plan.rounds and (control.is_near() or best.is_enough(turn)):
             break
-        if sparse_grid is not None and turn >= plan.rounds - _DENSE_ROUNDS:
+        if sparse_grid is not None and turn >= plan.rounds - plan.dense_rounds:
             slot_nodes, current_grid = _restore_slots(
                 time_grid, sparse_grid, current_grid, slot_nodes
             )
@@ -279,7 +278,7 @@ def fit(
 
         # E-step, while the walks of the round before are encoded.
         assign = partial(
-            assign_knots,
+            assign_on_offered_slots,
             weighted_grid,
             slot_nodes,
             positions,
