@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from gpszip.sketches.coreset import Coreset, Cost
     from gpszip.sketches.pieces import PiecewiseLinear, polyline
     from gpszip.sketches.stream import CoresetStream
+    from gpszip.view.write import write_page
 
 __version__ = "0.1.0"
 
@@ -149,6 +150,7 @@ __all__ = [
     "read",
     "save_coreset",
     "segment_mean",
+    "write_page",
 ]
 
 #: Module of each public name, which is imported when the name is first used: importing gpszip, and
@@ -246,6 +248,7 @@ _HOMES = {
         "polyline",
     ),
     "gpszip.sketches.stream": ("CoresetStream",),
+    "gpszip.view.write": ("write_page",),
 }
 
 

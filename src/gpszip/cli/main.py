@@ -45,6 +45,7 @@ _COMMANDS = (
     "match",
     "patch",
     "merge",
+    "view",
     "info",
     "verify",
     "recover",
