@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import Settings, common_options, force, map_option, quiet
 from gpszip.cli.outcome import Outcome
+from gpszip.cli.several_values import CommandWithLogs
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
@@ -24,18 +24,18 @@ _PAGE_OF_STDIN = "archive.html"
 
 
 @click.command(
-    "view", cls=CommandWithFormats, short_help="Write a page that shows an archive in a browser."
+    "view", cls=CommandWithLogs, short_help="Write a page that shows an archive in a browser."
 )
 @click.argument("archives", metavar="ARCHIVE...", nargs=-1, required=True)
 @click.option(
     "--raw",
-    metavar="LOG",
+    metavar="LOG...",
     multiple=True,
-    help="Log that was compressed, to show beside the walks; may be given several times.",
+    help="Logs that were compressed, to show beside the walks.",
 )
 @click.option(
     "--network",
-    metavar="ROADS",
+    metavar="ROADS...",
     multiple=True,
     help="Roads to show behind everything: NETWORK_FORMATS.",
 )
