@@ -163,5 +163,6 @@ function nearestTime(app, pane, pointer, radius) {
  */
 export function choosePlace(app, place) {
   const radius = PLACE_PIXELS / app.store.state.view.scale;
-  app.store.set({ place: { ...toWorld(app, place), radius } });
+  const { track } = app.store.state;
+  app.store.set({ place: { ...toWorld(app, place), radius, track } });
 }

@@ -173,12 +173,13 @@ function drawGridLine(frame, line, text, side) {
     width / 2 + (x - view.x) * view.scale,
     height / 2 - (y - view.y) * view.scale,
   ]);
+  const axis = side === "left" ? 0 : 1;
+  snap(points, 1 - axis);
   ctx.beginPath();
   for (const [x, y] of points) ctx.lineTo(x, y);
   ctx.stroke();
 
   // Where the line crosses the border.
-  const axis = side === "left" ? 0 : 1;
   const sorted = points.slice().sort((a, b) => a[axis] - b[axis]);
   const after = Math.max(
     sorted.findIndex((point) => point[axis] >= 0),
@@ -190,6 +191,18 @@ function drawGridLine(frame, line, text, side) {
   const end = side === "left" ? height - 40 : width - 40;
   if (other < (side === "left" ? 30 : 60) || other > end) return [];
   return [side === "left" ? { text, x: 6, y: other - 4 } : { text, x: other + 4, y: 14 }];
+}
+
+/**
+ * Put a line that is nearly straight onto the middle of pixels, so that it is sharp.
+ * @param {number[][]} points CSS pixels
+ * @param {number} axis across the line
+ */
+function snap(points, axis) {
+  const values = points.map((point) => point[axis]);
+  if (Math.max(...values) - Math.min(...values) > 1) return;
+  const middle = Math.floor(values[0]) + 0.5;
+  for (const point of points) point[axis] = middle;
 }
 
 /** CSS pixels of the longest scale bar. */

@@ -137,6 +137,7 @@ function drawChanges(app, plot) {
     ["colour", "track", "zone", "units", "aligned", "theme"],
     () => (app.colouring = colourScene(app.scene, store.state)),
   );
+  store.on(["aligned"], () => setClock(app, clockExtent(app)[0]));
   store.on(["track", "aligned"], () => {
     store.set({ range: null });
     showAllTimes(app);

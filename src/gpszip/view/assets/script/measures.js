@@ -42,11 +42,10 @@ export function measureRange(app, archive, range) {
   const { raw } = archive;
   for (const { from, to, shift } of raw ? rawParts(app, archive) : []) {
     const { time, error } = /** @type {import("./scene.js").Raw} */ (raw);
-    for (
-      let i = lastAtMost(time, range[0] + shift - 1e-9, from, to) + 1;
-      i < to && time[i] <= range[1] + shift;
-      i++
-    ) {
+    const start = range[0] + shift;
+    for (let i = Math.max(lastAtMost(time, start, from, to), from); i < to; i++) {
+      if (time[i] > range[1] + shift) break;
+      if (time[i] < start) continue;
       samples++;
       if (Number.isNaN(error[i])) continue;
       known++;

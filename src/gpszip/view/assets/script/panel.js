@@ -37,7 +37,7 @@ export function startPanel(app) {
   store.on(["track", "units", "aligned"], () => updateTrack(app));
   store.on(["colour", "track", "units", "zone", "aligned", "theme"], () => updateLegend(app));
   store.on(["range", "track", "units", "zone", "aligned"], () => updateRangeFacts(app));
-  store.on(["place", "track", "units", "zone", "aligned"], () => updatePlace(app));
+  store.on(["place", "units", "zone", "aligned"], () => updatePlace(app));
   store.on(["units", "zone"], () => buildWorst(app));
   find("here-close").addEventListener("click", () => store.set({ place: null }));
   updateLayers(app);

@@ -32,7 +32,7 @@ const ARROWS = ["\u2192", "\u2197", "\u2191", "\u2196", "\u2190", "\u2199", "\u2
  * @returns {HTMLElement[]}
  */
 export function describePlace(app, visit) {
-  const { place, view, area, track } = app.store.state;
+  const { place, view, area } = app.store.state;
   if (!place) return [];
   const elements = [
     make("p", { class: "hint" }, formatPosition(place.x, place.y, app.areas[area], view.scale)),
@@ -42,7 +42,7 @@ export function describePlace(app, visit) {
     const edge = nearestEdge(archive.clean, place);
     if (edge >= 0)
       elements.push(makeTable(edgeRows(app, archive, edge), name || "Edge of the clean map"));
-    const chosen = track === null ? undefined : archive.tracks.numbers.get(track);
+    const chosen = place.track === null ? undefined : archive.tracks.numbers.get(place.track);
     const passes = findPasses(archive, place, chosen);
     elements.push(...describePasses(app, archive, passes, visit));
   }

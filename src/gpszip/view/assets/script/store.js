@@ -24,7 +24,8 @@
  * @property {[number, number] | null} range times that are measured
  * @property {number | null} hover time under the pointer
  * @property {{x: number, y: number} | null} pointer metres under the pointer
- * @property {{x: number, y: number, radius: number} | null} place where the user clicked
+ * @property {{x: number, y: number, radius: number, track: string | null} | null} place where the
+ *   user clicked, and the track that was chosen then
  * @property {string} units
  * @property {string} zone IANA name of the time zone
  * @property {"light" | "dark"} theme
