@@ -8,6 +8,7 @@ BIN := $(VENV)/bin
 endif
 WORKERS ?= 2
 MINUTES ?= 60
+SCRIPT := src/gpszip/view/assets/script
 BENCHMARKS ?= startup estep coreset effort merging workers
 
 # The first Python on the PATH that is new enough. PYTHON=... names another one.
@@ -16,10 +17,11 @@ PYTHON ?= $(shell for p in $(CANDIDATES); do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help test lint types imports warm pytest fuzz faults bench docs wheel format demo clean
+.PHONY: help test lint types imports page warm pytest fuzz faults bench docs wheel format demo clean
 
 help:
 	@echo "make test     check everything: ruff, mypy, import-linter, pytest; the 20 slowest tests are listed"
+	@echo "make page     check the script of the page with tsc, eslint and prettier, which needs node"
 	@echo "make fuzz     feed every reader and the container changed files for MINUTES=60, within bounds of memory and time"
 	@echo "make faults   let every system call of every command fail, kill each 200 times, compile for any processor (an hour)"
 	@echo "make bench    run the benchmarks (an hour)"
@@ -31,7 +33,7 @@ help:
 
 # Checks of the text and compiling kernels go side by side; without the latter each worker compiles all kernels for itself.
 test: $(VENV)/.dev
-	@$(MAKE) --no-print-directory --jobs=2 --output-sync lint types imports warm
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync lint types imports page warm
 	@$(MAKE) --no-print-directory pytest
 
 warm: $(VENV)/.dev
@@ -46,6 +48,14 @@ types: $(VENV)/.dev
 
 imports: $(VENV)/.dev
 	$(BIN)/lint-imports
+
+# The script of the page: types, rules and layout. Needs node, and fetches the rest.
+page:
+	@if npx --yes --package=typescript@5 tsc --version >/dev/null 2>&1; then \
+		npx --yes --package=typescript@5 tsc --project . && \
+		npx --yes eslint@9 $(SCRIPT) && \
+		npx --yes prettier@3 --print-width 100 --check $(SCRIPT) $(SCRIPT)/../page.css; \
+	else echo "no node, or no network: the script of the page is not checked" >&2; fi
 
 pytest: $(VENV)/.dev
 	$(BIN)/pytest -n $(WORKERS) --dist worksteal --durations=20 -rs

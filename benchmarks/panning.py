@@ -95,8 +95,8 @@ def measure(driver: webdriver.Chrome, page: Path) -> None:
         "(function wait() { document.documentElement.dataset.ready"
         " ? done() : setTimeout(wait, 50); })();"
     )
-    loaded = driver.execute_script("return performance.now()")
-    print(f"load      {loaded / 1e3:.1f} s")
+    loaded = driver.execute_script("return performance.now()") / 1e3
+    print(f"load      {loaded:.1f} s, {thread_seconds(driver):.1f} s of CPU")
     for name, zooms in (("full view", 0), ("8 times", 4)):
         for _ in range(zooms):
             driver.find_element("id", "zoom-in").click()

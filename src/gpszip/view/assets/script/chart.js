@@ -92,6 +92,16 @@ export function drawChart(app, plot) {
   ctx.clip();
   for (const each of series) drawSeries(app, plot, ctx, each, toY);
   ctx.restore();
+
+  // The unit, above what it may cover.
+  const [, sign] = valueUnit(app, chart, app.store.state.units, range);
+  ctx.font = "11px system-ui, sans-serif";
+  ctx.lineWidth = 4;
+  ctx.strokeStyle = THEMES[theme].paper;
+  ctx.fillStyle = THEMES[theme].muted;
+  ctx.globalAlpha = 1;
+  ctx.strokeText(sign, CHART_MARGIN.left + 6, CHART_MARGIN.top + 6);
+  ctx.fillText(sign, CHART_MARGIN.left + 6, CHART_MARGIN.top + 6);
 }
 
 /**
@@ -177,7 +187,7 @@ function drawAxes(app, plot, ctx, range, toY) {
   ctx.lineWidth = 1;
 
   // Values.
-  const [size, sign] = valueUnit(app, chart, units, range);
+  const [size] = valueUnit(app, chart, units, range);
   const step = niceStep(
     (range[1] - range[0]) / size,
     Math.max((bottom - CHART_MARGIN.top) / 34, 2),
@@ -193,8 +203,6 @@ function drawAxes(app, plot, ctx, range, toY) {
     ctx.fillStyle = colours.muted;
     ctx.fillText(formatNumber(Math.round(i * step * 1e9) / 1e9, 5), CHART_MARGIN.left - 8, y + 4);
   }
-  ctx.textAlign = "left";
-  ctx.fillText(sign, CHART_MARGIN.left + 4, CHART_MARGIN.top + 6);
 
   // Times.
   const epoch = app.scene.epoch && aligned ? "log" : app.scene.epoch;
