@@ -27,6 +27,9 @@ FLAGS = (
 #: Seconds since 1970 at which the fleet starts: 2023-11-14 22:13:20 UTC.
 START = 1_700_000_000.0
 
+#: Streets of a grid in each direction.
+STREETS = 60
+
 #: Names that a page must not take for markup.
 NAMES = ["<img src=x onerror=alert(1)>", "</script><script>document.title='bad'</script>", "c", "d"]
 
@@ -139,6 +142,7 @@ def odd_paths(folder, fleet):
         "untimed": _scene(gpszip.compress(untimed, rmse=1.0, effort=1, times=False), untimed),
         "point": _scene(gpszip.compress(dot, rmse=1.0), dot),
         "map": map_scene(fleet.road_map, title="map", generator="GPSZip"),
+        "streets": map_scene(_streets(), title="streets", generator="GPSZip"),
         "many": log_scene(_many_tracks(), title="many", generator="GPSZip"),
         "ferry": _scene(*_ferry()),
     }
@@ -147,6 +151,17 @@ def odd_paths(folder, fleet):
 
 def _scene(archive, track):
     return build_scene([Subject(archive, "a.gpsz", (track,))], title="a", generator="GPSZip")
+
+
+def _streets():
+    """A grid of more edges than are stroked."""
+    side = np.arange(STREETS) * 10.0
+    nodes = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    numbers = np.arange(STREETS**2).reshape(STREETS, STREETS)
+    along = np.column_stack([numbers[:, :-1].ravel(), numbers[:, 1:].ravel()])
+    edges = np.concatenate([along, np.column_stack([numbers[:-1].ravel(), numbers[1:].ravel()])])
+    ones = np.ones(len(edges), np.int64)
+    return gpszip.RoadMap(nodes, edges, ones, ones)
 
 
 def _many_tracks():

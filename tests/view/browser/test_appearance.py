@@ -5,7 +5,7 @@ import base64
 import pytest
 from selenium.webdriver import Keys
 
-from view.browser.driving import Page
+from view.browser.driving import COUNT, Page
 
 DARK_PAPER = "#14181c"
 LIGHT_PAPER = "#fbfbf9"
@@ -39,18 +39,32 @@ def test_a_key_and_a_button_switch_between_light_and_dark(fleet_page):
 
 def test_a_page_prints_in_light_colours_and_without_controls(fleet_page):
     fleet_page.press("m")
+    fleet_page.fill("where-time", "22:20")
+    agents = fleet_page.pixels("#e69f00", overlay=True)
     fleet_page.run(
+        f"const count = function () {{ {COUNT} }};"
         "window.addEventListener('beforeprint', () => {"
-        "  window.paper = [...document.querySelector('.pane canvas').getContext('2d')"
-        "    .getImageData(5, 5, 1, 1).data];"
-        "  window.controls = getComputedStyle(document.querySelector('.transport')).display;"
+        "  window.printed = [count(0, ['#fbfbf9']), count(0, ['#e69f00'])];"
         "});"
     )
     pdf = fleet_page.driver.execute_cdp_cmd("Page.printToPDF", {"printBackground": True})
     assert base64.b64decode(pdf["data"])[:5] == b"%PDF-"
-    assert fleet_page.run("return window.paper") == [0xFB, 0xFB, 0xF9, 255]
+
+    # The canvas that is printed has light colours, and shows the agents, too.
+    paper, printed_agents = fleet_page.run("return window.printed")
+    assert paper > 100_000
+    assert printed_agents >= agents > 40
     fleet_page.settle()
     assert fleet_page.pixels(DARK_PAPER) > 100_000
+
+    # Controls are left out.
+    fleet_page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    try:
+        assert not fleet_page.shown("play")
+        assert not fleet_page.shown("zoom-in")
+        assert fleet_page.shown("numbers")
+    finally:
+        fleet_page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
 
 
 def test_a_narrow_window_scrolls_down_but_not_sideways(browser, fleet_path):
@@ -144,3 +158,25 @@ def test_the_mouse_moves_and_zooms_the_map(fleet_page):
     assert fleet_page.run("return document.querySelector('.pane canvas').toDataURL()") != before
     fleet_page.point(".pane", 0.3, 0.401)
     assert fleet_page.text("position").split(",")[0][:7] == place
+
+
+def test_two_fingers_zoom_the_map(fleet_page):
+    fleet_page.point(".pane", 0.5, 0.5)
+    before = fleet_page.run("return document.querySelector('.pane canvas').toDataURL()")
+    box = fleet_page.run(
+        "const box = document.querySelector('.pane').getBoundingClientRect();"
+        "return [box.left + box.width / 2, box.top + box.height / 2]"
+    )
+
+    def touch(kind, apart):
+        points = [{"x": box[0] + sign * apart, "y": box[1], "id": sign + 1} for sign in (-1, 1)]
+        event = {"type": kind, "touchPoints": points if apart else []}
+        fleet_page.driver.execute_cdp_cmd("Input.dispatchTouchEvent", event)
+
+    touch("touchStart", 40)
+    for apart in (50, 60, 80):
+        touch("touchMove", apart)
+    touch("touchEnd", 0)
+    fleet_page.settle()
+    assert fleet_page.run("return document.querySelector('.pane canvas').toDataURL()") != before
+    assert not fleet_page.shown("here")

@@ -1,6 +1,10 @@
 """Layers, and what colours stand for."""
 
+import numpy as np
 import pytest
+
+from view.browser.conftest import STREETS
+from view.browser.driving import Page
 
 #: Key and colour of each layer, in light colours.
 LAYERS = {
@@ -71,3 +75,24 @@ def test_a_chosen_track_makes_the_others_dim(fleet_page):
     assert fleet_page.pixels("#dcdedc") > 100
     fleet_page.press("p")
     assert fleet_page.pixels(LAYERS["2"]) == all_tracks
+
+
+def test_many_edges_are_painted_where_they_are(browser, odd_paths):
+    """Streets of a grid that is too large to be stroked are as many rows and columns of pixels."""
+    page = Page(browser, odd_paths["streets"]).open()
+    page.press("g", "l")
+    rows, columns = page.run(
+        "const c = document.querySelector('.pane canvas');"
+        "const { data } = c.getContext('2d').getImageData(0, 0, c.width, c.height);"
+        "const pixels = new Uint32Array(data.buffer); const paper = pixels[0];"
+        "const rows = new Uint32Array(c.height), columns = new Uint32Array(c.width);"
+        "pixels.forEach((p, i) => { if (p === paper) return;"
+        "  rows[Math.floor(i / c.width)]++; columns[i % c.width]++; });"
+        "return [[...rows], [...columns]]"
+    )
+    for counts in (rows, columns):
+        is_street = np.array(counts) > max(counts) * 0.9
+        streets = np.flatnonzero(np.diff(np.r_[0, is_street.astype(int)]) > 0)
+        assert len(streets) == STREETS
+        assert np.ptp(np.diff(streets)) <= 1
+    assert page.errors() == []

@@ -208,18 +208,29 @@ function watchSizes(app, plot) {
 }
 
 /**
- * Print in light colours, whatever the screen shows.
+ * Print in light colours, whatever the screen shows, and what lies above the map on the map itself:
+ * browsers print canvases without what is seen through them.
  * @param {import("./map.js").App} app
  */
-function listenToPrinter({ store }) {
+function listenToPrinter({ store, panes }) {
   /** @type {"light" | "dark"} */
   let onScreen = "light";
   window.addEventListener("beforeprint", () => {
     onScreen = store.state.theme;
-    store.set({ theme: "light" });
+    store.set({ theme: "light", size: store.state.size + 1 });
     store.flush();
+    const shape = (panes[0].width * panes.length) / panes[0].height;
+    document.documentElement.style.setProperty("--shape", String(shape));
+    for (const above of document.querySelectorAll("canvas + canvas")) {
+      const below = /** @type {HTMLCanvasElement} */ (above.previousElementSibling);
+      const ctx = /** @type {CanvasRenderingContext2D} */ (below.getContext("2d"));
+      ctx.setTransform(1, 0, 0, 1, 0, 0);
+      ctx.drawImage(/** @type {HTMLCanvasElement} */ (above), 0, 0);
+    }
   });
-  window.addEventListener("afterprint", () => store.set({ theme: onScreen }));
+  window.addEventListener("afterprint", () => {
+    store.set({ theme: onScreen, size: store.state.size + 1 });
+  });
 }
 
 /**
