@@ -73,3 +73,22 @@ def test_a_log_without_times_has_a_distance_instead_of_a_clock(browser, odd_path
     page.press("\ue010")  # the end key
     assert page.text("clock") == page.table("track-facts")["Distance"]
     assert not page.shown("zone-label")
+
+
+def test_a_page_works_in_the_sealed_frame_of_a_notebook(browser, folder, robot):
+    path = folder / "notebook.html"
+    path.write_text(f"<!DOCTYPE html><title>n</title>{robot[1]._repr_html_()}", encoding="utf-8")
+    Page(browser, path).errors()
+    browser.get(path.as_uri())
+    browser.switch_to.frame(0)
+    try:
+        page = Page(browser, path)
+        page.until(lambda: page.run("return document.documentElement.dataset.ready"))
+        page.fill("where-time", "0:00:30")
+        assert page.text("clock").startswith("0:00:30")
+        page.click("help-open")
+        page.click("help-close")
+        assert not page.shown("help")
+        assert page.errors() == []
+    finally:
+        browser.switch_to.default_content()

@@ -23,6 +23,7 @@ export function areaAt({ areas }, x) {
 /**
  * Move the map so that the first track with a position at the time of the clock is in the middle.
  * @param {App} app
+ * @returns {import("./walks.js").Position | null} null if there is none
  */
 export function centreOnAgent(app) {
   const { time, view } = app.store.state;
@@ -30,10 +31,9 @@ export function centreOnAgent(app) {
   for (const track of clockTracks(app, archive)) {
     const position = positionAt(archive, track, time + clockShift(app, archive, track));
     if (!position) continue;
-    app.store.set({
-      view: { ...view, x: position.x, y: position.y },
-      area: areaAt(app, position.x),
-    });
-    return;
+    const { x, y } = position;
+    app.store.set({ view: { ...view, x, y }, area: areaAt(app, x) });
+    return position;
   }
+  return null;
 }

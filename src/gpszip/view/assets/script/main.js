@@ -283,7 +283,7 @@ function startPage(scene) {
   );
   find("fit").addEventListener("click", fit);
   find("theme").addEventListener("click", switchTheme);
-  find("help-open").addEventListener("click", toggleHelp);
+  for (const id of ["help-open", "help-close"]) find(id).addEventListener("click", toggleHelp);
   DARK.addEventListener("change", () => store.set({ theme: DARK.matches ? "dark" : "light" }));
   document.documentElement.dataset.ready = "true";
 }

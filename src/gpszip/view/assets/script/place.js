@@ -44,6 +44,8 @@ export function describePlace(app, visit) {
       elements.push(makeTable(edgeRows(app, archive, edge), name || "Edge of the clean map"));
     const chosen = place.track === null ? undefined : archive.tracks.numbers.get(place.track);
     const passes = findPasses(archive, place, chosen);
+    const timeOf = (/** @type {Pass} */ pass) => pass.time - clockShift(app, archive, pass.track);
+    passes.sort((a, b) => timeOf(a) - timeOf(b));
     elements.push(...describePasses(app, archive, passes, visit));
   }
   return elements;

@@ -10,6 +10,7 @@ import { THEMES } from "./colours.js";
 import { fillSelect, find, findInput, make, show } from "./dom.js";
 import { centreOnAgent } from "./follow.js";
 import { formatLength, formatSpeed } from "./format.js";
+import { formatPosition } from "./graticule.js";
 import { measureRange } from "./measures.js";
 import { chartKinds, chartSeries } from "./series.js";
 import { formatExtent, formatTime, parseTime } from "./times.js";
@@ -122,32 +123,47 @@ function buildChoices({ scene, store }) {
  * @param {App} app
  */
 function buildFind(app) {
-  const { scene, store } = app;
   const input = findInput("where-time");
-  if (scene.epoch === null) find("where-label").textContent = "Where after";
-  input.placeholder =
-    scene.epoch === null
-      ? "metres"
-      : scene.epoch === "log"
-        ? "0:14:05 or seconds"
-        : "14:05 or 2024-05-03 14:05";
-  find("where").addEventListener("submit", (event) => {
-    event.preventDefault();
-    const extent = clockExtent(app);
-    const { zone } = store.state;
-    const time = parseTime(input.value, clockEpoch(app), zone, extent);
-    const answer = find("where-answer");
-    if (time === null) answer.textContent = `No time: ${input.value}`;
-    else if (time < extent[0] || time > extent[1]) {
-      const [first, last] = extent.map((each) => formatTime(each, clockEpoch(app), zone, 1));
-      answer.textContent = `Times are from ${first} to ${last}.`;
-    } else {
-      store.set({ playing: false });
-      setClock(app, time);
-      centreOnAgent(app);
-      answer.textContent = `The clock is at ${formatTime(time, clockEpoch(app), zone, 1)}.`;
-    }
+  const { epoch } = app.scene;
+  if (epoch === null) find("where-label").textContent = "Where after";
+  const placeholders = { unix: "14:05 or 2024-05-03 14:05", log: "0:14:05 or seconds" };
+  input.placeholder = epoch === null ? "metres" : placeholders[epoch];
+
+  // No form: browsers let pages in frames send none.
+  const answer = () => {
+    find("where-answer").textContent = findTime(app, input.value);
+  };
+  find("where-go").addEventListener("click", answer);
+  input.addEventListener("keydown", (event) => {
+    if (event.key === "Enter") answer();
   });
+}
+
+/**
+ * Move the clock and the map to a time.
+ * @param {App} app
+ * @param {string} text what the user wrote
+ * @returns {string} what was found
+ */
+function findTime(app, text) {
+  const { store, areas } = app;
+  const { zone, view } = store.state;
+  const epoch = clockEpoch(app);
+  const extent = clockExtent(app);
+  const time = parseTime(text, epoch, zone, extent);
+  const write = (/** @type {number} */ each) => formatTime(each, epoch, zone, 1);
+  if (time === null) return `No time: ${text}`;
+  if (time < extent[0] || time > extent[1]) {
+    return `Times are from ${write(extent[0])} to ${write(extent[1])}.`;
+  }
+
+  // Where the first track is then.
+  store.set({ playing: false });
+  setClock(app, time);
+  const position = centreOnAgent(app);
+  if (!position) return `${write(time)}: no track has a position.`;
+  const place = formatPosition(position.x, position.y, areas[store.state.area], view.scale);
+  return `${write(time)}: ${place}`;
 }
 
 /** @param {App} app */
