@@ -21,7 +21,7 @@ CHROMEDRIVER = shutil.which("chromedriver")
 
 FLAGS = (
     "--headless=new --no-sandbox --disable-dev-shm-usage --disable-gpu --no-first-run "
-    "--disable-background-networking --hide-scrollbars --window-size=1280,900"
+    "--disable-background-networking --hide-scrollbars --window-size=1100,800"
 )
 
 #: Seconds since 1970 at which the fleet starts: 2023-11-14 22:13:20 UTC.

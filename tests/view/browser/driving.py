@@ -29,6 +29,15 @@ for (const pixel of new Uint32Array(image.data.buffer)) if (wanted.includes(pixe
 return count;
 """
 
+#: A number that stands for a picture: another one if any pixel changes (FNV).
+HASH = """
+const canvas = document.querySelectorAll(arguments[0])[arguments[1]];
+const image = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+let hash = 2166136261;
+for (const pixel of new Uint32Array(image.data.buffer)) hash = Math.imul(hash ^ pixel, 16777619);
+return hash;
+"""
+
 #: Two frames: what was changed is drawn.
 FRAMES = "const d = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => d()));"
 
@@ -124,6 +133,10 @@ class Page:
     def pixels(self, *colours: str, overlay: bool = False, pane: int = 0) -> int:
         """Pixels of the map, or above it, in any of these colours."""
         return self.run(COUNT, 2 * pane + overlay, list(colours))
+
+    def picture(self, selector: str = ".pane", *, number: int = 0) -> int:
+        """A number that stands for what a canvas shows."""
+        return self.run(HASH, f"{selector} canvas", number)
 
     def table(self, id: str) -> dict[str, str]:
         """Labels and values of the tables in an element."""

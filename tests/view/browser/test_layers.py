@@ -1,7 +1,6 @@
 """Layers, and what colours stand for."""
 
 import numpy as np
-import pytest
 
 from view.browser.conftest import STREETS
 from view.browser.driving import Page
@@ -46,23 +45,21 @@ def test_boxes_and_keys_are_the_same_switch(fleet_page):
     assert fleet_page.pixels(LAYERS["2"]) == 0
 
 
-@pytest.mark.parametrize(
-    ("colour", "label"),
-    [
-        ("speed", "km/h"),
-        ("error", " m"),
-        ("time", "22:"),
-        ("hour", "12:00"),
-        ("traversals", "1"),
-        ("direction", "E"),
-    ],
-)
-def test_colours_have_legends(fleet_page, colour, label):
+def test_colours_have_legends(fleet_page):
     fleet_page.press("2")
-    fleet_page.choose("colour", colour)
-    assert label in fleet_page.text("legend")
-    own = "3" if colour == "traversals" else "2"
-    assert fleet_page.pixels(LAYERS[own]) == 0
+    labels = {
+        "speed": "km/h",
+        "error": " m",
+        "time": "22:",
+        "hour": "12:00",
+        "traversals": "1",
+        "direction": "E",
+    }
+    for colour, label in labels.items():
+        fleet_page.choose("colour", colour)
+        assert label in fleet_page.text("legend")
+        own = "3" if colour == "traversals" else "2"
+        assert fleet_page.pixels(LAYERS[own]) == 0, colour
     assert fleet_page.errors() == []
 
 

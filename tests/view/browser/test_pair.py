@@ -2,8 +2,6 @@
 
 from selenium.webdriver import Keys
 
-OVERLAY = "return document.querySelectorAll('.pane canvas')[arguments[0]].toDataURL()"
-
 
 def test_both_maps_are_drawn_and_named(pair_page):
     assert pair_page.pixels("#0072b2", pane=0) > 500
@@ -15,24 +13,24 @@ def test_both_maps_are_drawn_and_named(pair_page):
 
 
 def test_maps_move_together_and_show_the_same_pointer(pair_page):
-    before = [pair_page.run(OVERLAY, 2 * pane) for pane in (0, 1)]
+    before = [pair_page.picture(number=2 * pane) for pane in (0, 1)]
     pair_page.drag(".pane", 0.5, 0.5, 80, 30)
-    after = [pair_page.run(OVERLAY, 2 * pane) for pane in (0, 1)]
+    after = [pair_page.picture(number=2 * pane) for pane in (0, 1)]
     assert before[0] != after[0]
     assert before[1] != after[1]
 
     # The pointer over one map is shown on both.
     pair_page.run("document.activeElement.blur()")
     pair_page.point("#plot", 0.5, 0.5)
-    without = [pair_page.run(OVERLAY, 2 * pane + 1) for pane in (0, 1)]
+    without = [pair_page.picture(number=2 * pane + 1) for pane in (0, 1)]
     pair_page.point(".pane", 0.1, 0.1)
-    assert all(pair_page.run(OVERLAY, 2 * pane + 1) != without[pane] for pane in (0, 1))
+    assert all(pair_page.picture(number=2 * pane + 1) != without[pane] for pane in (0, 1))
 
 
 def test_the_clock_moves_both(pair_page):
-    before = [pair_page.run(OVERLAY, 2 * pane + 1) for pane in (0, 1)]
+    before = [pair_page.picture(number=2 * pane + 1) for pane in (0, 1)]
     pair_page.press(Keys.END)
-    assert all(pair_page.run(OVERLAY, 2 * pane + 1) != before[pane] for pane in (0, 1))
+    assert all(pair_page.picture(number=2 * pane + 1) != before[pane] for pane in (0, 1))
 
 
 def test_numbers_of_both_are_listed(pair_page):
