@@ -145,6 +145,7 @@ def odd_paths(folder, fleet):
         "streets": map_scene(_streets(), title="streets", generator="GPSZip"),
         "many": log_scene(_many_tracks(), title="many", generator="GPSZip"),
         "ferry": _scene(*_ferry()),
+        "travel": _travel(),
     }
     return {name: save(folder, name, scene) for name, scene in scenes.items()}
 
@@ -169,6 +170,21 @@ def _many_tracks():
     starts = np.stack(np.meshgrid(np.arange(100.0), np.arange(100.0)), axis=-1).reshape(-1, 2)
     steps = np.array([[0.0, 0.0], [0.4, 0.1], [0.7, 0.3]])
     return [gpszip.Track(f"t{i}", times, start + steps) for i, start in enumerate(starts)]
+
+
+def _travel():
+    """Tracks on two planes: at 50 degrees north, and at 30 degrees south."""
+    lat = np.r_[np.linspace(50, 50.01, 50), np.linspace(-30, -30.01, 50)]
+    lon = np.r_[np.full(50, 8.0), np.full(50, 150.0)]
+    plane = choose_plane(lat, lon)
+    positions = to_plane(lat, lon, plane)
+    times = START + 10.0 * np.arange(50)
+    tracks = [
+        gpszip.Track("north", times, positions[:50], plane=plane),
+        gpszip.Track("south", times, positions[50:], plane=plane),
+    ]
+    subject = Subject(gpszip.compress(tracks, rmse=20.0, effort=1), "a.gpsz", tracks)
+    return build_scene([subject], title="a", generator="GPSZip")
 
 
 def _ferry():

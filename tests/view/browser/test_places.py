@@ -5,6 +5,7 @@ from selenium.webdriver import Keys
 
 from gpszip.walks.error import synchronised_errors
 from view.browser.conftest import START, walk_positions
+from view.browser.driving import Page
 
 #: CSS pixels around a place in which tracks pass.
 RADIUS_PIXELS = 9
@@ -107,3 +108,29 @@ def test_the_ten_worst_places_are_in_order(fleet_page):
     errors = [float(text.split("\u202f")[0]) for text in texts]
     assert len(errors) == 10
     assert errors == sorted(errors, reverse=True)
+
+
+def test_areas_are_chosen_and_found_by_their_tracks(browser, odd_paths):
+    page = Page(browser, odd_paths["travel"]).open()
+    options = page.run(
+        "return [...document.querySelectorAll('#area option')].map((each) => each.textContent)"
+    )
+    assert len(options) == 2
+    assert any("50.0" in each and "N" in each for each in options)
+    assert any("30.0" in each and "S" in each for each in options)
+
+    # A track in another area is shown, and its position is there.
+    page.press("n", Keys.ENTER)
+    assert "N, 8.00" in page.text("here-facts")
+    page.press("n")
+    page.press(Keys.ENTER)
+    assert "S, 150.00" in page.text("here-facts")
+    with_map = page.picture()
+    page.press("3")
+    assert page.picture() != with_map
+
+    # An area that is chosen is shown, whatever the track is.
+    north = next(number for number, each in enumerate(options) if "N" in each.split("E")[0])
+    page.choose("area", str(north))
+    page.press(Keys.ENTER)
+    assert "N, 8.00" in page.text("here-facts")

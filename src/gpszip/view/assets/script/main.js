@@ -8,7 +8,7 @@ import { clockExtent, setClock, startClock } from "./clock.js";
 import { colourScene } from "./colouring.js";
 import { find, make, show } from "./dom.js";
 import { findWorst } from "./errors.js";
-import { areaAt, centreOnAgent } from "./follow.js";
+import { centreOnAgent, fitArea, fitMap, showTrack } from "./follow.js";
 import { listenToPane } from "./gestures.js";
 import { formatPosition } from "./graticule.js";
 import { listenToKeys, toggleHelp } from "./keys.js";
@@ -21,7 +21,7 @@ import { chartKinds } from "./series.js";
 import { startSettings } from "./settings.js";
 import { Store } from "./store.js";
 import { initialTail, startTransport } from "./transport.js";
-import { emptyBox, extend, findAreas, fitBox, zoomView } from "./viewport.js";
+import { findAreas, zoomView } from "./viewport.js";
 
 /** Zoom of a button. */
 const BUTTON_ZOOM = 1.6;
@@ -104,29 +104,6 @@ function addPane(scene, archive) {
 }
 
 /**
- * Show all of the chosen track, or of the area.
- * @param {import("./map.js").App} app
- */
-function fitMap(app) {
-  const { store, areas, panes, scene } = app;
-  const [{ width, height }] = panes;
-  const { track, area } = store.state;
-  const number = track === null ? undefined : scene.archives[0].tracks.numbers.get(track);
-  if (number === undefined)
-    return store.set({ view: fitBox(areas[area].box, width, height), follow: false });
-
-  // The knots of the track in the area where it starts.
-  const { knots, tracks } = scene.archives[0];
-  const [from, to] = [tracks.offsets[number], tracks.offsets[number + 1]];
-  const start = areaAt(app, knots.x[from]);
-  const box = emptyBox();
-  for (let k = from; k < to; k++) {
-    if (areaAt(app, knots.x[k]) === start) extend(box, knots.x[k], knots.y[k]);
-  }
-  store.set({ view: fitBox(box, width, height), area: start, follow: false });
-}
-
-/**
  * Draw again what depends on what changed.
  * @param {import("./map.js").App} app
  * @param {import("./chart.js").Plot} plot
@@ -143,6 +120,7 @@ function drawChanges(app, plot) {
     showAllTimes(app);
     setClock(app, store.state.time);
   });
+  store.on(["track"], () => showTrack(app));
   store.on(["theme"], () => document.documentElement.setAttribute("data-theme", store.state.theme));
   store.on(["time", "track", "follow", "aligned"], () => {
     if (store.state.follow) centreOnAgent(app);
@@ -258,7 +236,7 @@ function startPage(scene) {
   document.documentElement.setAttribute("data-theme", store.state.theme);
   drawChanges(app, plot);
   startClock(app);
-  startSettings(app, { fit });
+  startSettings(app, { fit: () => fitArea(app) });
   startTransport(app);
   startPanel(app);
   buildBytes(app);

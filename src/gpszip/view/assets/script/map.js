@@ -139,9 +139,9 @@ export function drawMap(app, pane) {
   const labels = layers.grid ? drawGraticule(frame, place) : [];
   if (layers.raw && archive.raw) drawRaw(app, pane, frame);
 
-  // Maps, and what moves on them.
+  // Maps on wide routes, and what moves on them.
+  if (layers.routes && archive.routes) drawPlain(frame, archive.routes, theme.routes, 5);
   drawMaps(app, pane, frame);
-  if (layers.routes && archive.routes) drawPlain(frame, archive.routes, theme.routes, 2.5);
   if (layers.tracks) drawTracks(app, pane, frame);
   if (layers.fresh && archive.newEdges) drawPlain(frame, archive.newEdges, theme.fresh, 3.5);
   if (layers.gaps) drawGaps(frame, archive);
