@@ -52,6 +52,15 @@ def test_steps_and_ends(fleet_page):
     assert clock_seconds(fleet_page) == 0
 
 
+def test_space_plays_after_a_click_on_another_button(fleet_page):
+    fleet_page.element("zoom-in").click()
+    fleet_page.settle()
+    zoomed = fleet_page.picture()
+    fleet_page.press(" ")
+    fleet_page.until(lambda: clock_seconds(fleet_page) > 0)
+    assert fleet_page.picture() == zoomed
+
+
 def test_the_clock_starts_again_at_its_end(fleet_page):
     fleet_page.press(Keys.END, " ")
     fleet_page.until(lambda: clock_seconds(fleet_page) < 800)

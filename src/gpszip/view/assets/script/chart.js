@@ -12,7 +12,7 @@
  * @property {number} ratio
  */
 
-import { UNITS, formatNumber, lengthUnit, niceStep } from "./format.js";
+import { UNITS, formatLength, formatNumber, lengthUnit, niceStep } from "./format.js";
 import { THEMES } from "./colours.js";
 import { chartKinds, chartSeries } from "./series.js";
 import { formatTime, timeTicks } from "./times.js";
@@ -91,6 +91,7 @@ export function drawChart(app, plot) {
   ctx.rect(CHART_MARGIN.left, 0, plot.width - CHART_MARGIN.left - CHART_MARGIN.right, bottom + 1);
   ctx.clip();
   for (const each of series) drawSeries(app, plot, ctx, each, toY);
+  if (chart === "error") drawRmse(app, plot, ctx, toY);
   ctx.restore();
 
   // The unit, above what it may cover.
@@ -102,6 +103,40 @@ export function drawChart(app, plot) {
   ctx.globalAlpha = 1;
   ctx.strokeText(sign, CHART_MARGIN.left + 6, CHART_MARGIN.top + 6);
   ctx.fillText(sign, CHART_MARGIN.left + 6, CHART_MARGIN.top + 6);
+}
+
+/**
+ * Draw the root mean square error of each archive as a dashed line.
+ * @param {App} app
+ * @param {Plot} plot
+ * @param {CanvasRenderingContext2D} ctx
+ * @param {(value: number) => number} toY
+ */
+function drawRmse(app, plot, ctx, toY) {
+  const { theme, units } = app.store.state;
+  const right = plot.width - CHART_MARGIN.right;
+  ctx.globalAlpha = 1;
+  ctx.textAlign = "right";
+  for (const { rmse, index } of app.scene.archives) {
+    if (rmse === null) continue;
+    const y = Math.round(toY(rmse)) + 0.5;
+    ctx.strokeStyle = ctx.fillStyle = THEMES[theme].ink;
+    ctx.lineWidth = 1;
+    ctx.setLineDash([5, 3]);
+    ctx.beginPath();
+    ctx.moveTo(CHART_MARGIN.left, y);
+    ctx.lineTo(right, y);
+    ctx.stroke();
+    ctx.setLineDash([]);
+
+    // Its value, above the line at the right.
+    const name = app.scene.archives.length > 1 ? (index ? "B " : "A ") : "";
+    ctx.lineWidth = 4;
+    ctx.strokeStyle = THEMES[theme].paper;
+    ctx.strokeText(`${name}RMSE ${formatLength(rmse, units)}`, right - 6, y - 5);
+    ctx.fillText(`${name}RMSE ${formatLength(rmse, units)}`, right - 6, y - 5);
+  }
+  ctx.textAlign = "left";
 }
 
 /**

@@ -151,14 +151,16 @@ function colourByTrack(scene, state) {
   const ids = scene.archives[0].tracks.ids;
   const classes = scene.archives.map((archive) => {
     const all = plainClasses(archive, state);
-    const numbers = archive.tracks.ids.map((id) => scene.archives[0].tracks.numbers.get(id) ?? DIM);
-    const { raw } = archive;
+    const classOf = archive.tracks.ids.map((id) => {
+      const number = scene.archives[0].tracks.numbers.get(id);
+      return number === undefined ? DIM : number % CATEGORIES.length;
+    });
+    const { raw, knots } = archive;
     for (let k = 0; k < all.tracks.length; k++) {
-      if (all.tracks[k] !== DIM) all.tracks[k] = numbers[archive.knots.line[k]] % CATEGORIES.length;
+      if (all.tracks[k] !== DIM) all.tracks[k] = classOf[knots.line[k]];
     }
     for (let i = 0; raw && i < all.raw.length; i++) {
-      const number = numbers[raw.walk[raw.track[i]]];
-      if (all.raw[i] !== DIM) all.raw[i] = number === undefined ? DIM : number % CATEGORIES.length;
+      if (all.raw[i] !== DIM) all.raw[i] = classOf[raw.walk[raw.track[i]]] ?? DIM;
     }
     return all;
   });

@@ -45,6 +45,7 @@ const KEYS = [
  */
 export function listenToKeys(app, actions) {
   const commands = makeCommands(app, actions);
+  freeFocus();
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event)) return;
     const command = commands.get(event.key.length === 1 ? event.key.toLowerCase() : event.key);
@@ -64,18 +65,30 @@ export function listenToKeys(app, actions) {
 }
 
 /**
- * Whether a key belongs to a control that has the focus.
+ * Whether a key belongs to the control that has the focus.
  * @param {KeyboardEvent} event
  */
 function isTyping({ target, key }) {
   if (!(target instanceof HTMLElement)) return false;
   if (/** @type {HTMLDialogElement} */ (find("help")).open) return key !== "?";
-  if (target instanceof HTMLSelectElement) return true;
-  if (target instanceof HTMLInputElement && target.type === "text") return true;
-  if (target instanceof HTMLInputElement && target.type === "range")
-    return key.startsWith("Arrow") || key === "Home" || key === "End";
-  const isPressed = key === " " || key === "Enter";
-  return isPressed && (target instanceof HTMLButtonElement || target instanceof HTMLInputElement);
+  const isInput = target instanceof HTMLInputElement;
+  if (target instanceof HTMLSelectElement || (isInput && target.type === "text")) return true;
+  if (isInput && target.type === "range") return /^(Arrow|Home|End|Page)/.test(key);
+  return (key === " " || key === "Enter") && (isInput || target instanceof HTMLButtonElement);
+}
+
+/** Take the focus from what was chosen with the mouse: keys are for the page then, space plays. */
+function freeFocus() {
+  let isMouse = false;
+  document.addEventListener("pointerdown", () => (isMouse = true), true);
+  document.addEventListener("keydown", () => (isMouse = false), true);
+  for (const name of ["click", "change"]) {
+    document.addEventListener(name, ({ target }) => {
+      if (!isMouse || !(target instanceof Element)) return;
+      const kinds = name === "click" ? "button, button *, input:not([type=text])" : "select";
+      if (target.matches(kinds)) /** @type {HTMLElement} */ (document.activeElement)?.blur();
+    });
+  }
 }
 
 /**

@@ -151,6 +151,18 @@ export function drawMap(app, pane) {
   if (layers.scale) drawScale(frame, units);
 }
 
+/** Zeros: one array for all lines of a single colour. */
+let zeros = new Uint8Array(1024);
+
+/**
+ * Classes of lines that have one colour.
+ * @param {number} count
+ */
+function noClasses(count) {
+  if (zeros.length < count) zeros = new Uint8Array(count);
+  return zeros;
+}
+
 /**
  * Draw lines in one colour.
  * @param {Frame} frame
@@ -159,7 +171,7 @@ export function drawMap(app, pane) {
  * @param {number} width CSS pixels
  */
 function drawPlain(frame, lines, colour, width) {
-  drawLines(frame, lines, { palette: [colour], classes: new Uint8Array(lines.x.length), width });
+  drawLines(frame, lines, { palette: [colour], classes: noClasses(lines.x.length), width });
 }
 
 /**
@@ -263,14 +275,18 @@ function chosenLines({ tracks, knots }, id) {
   return { lines, from, to };
 }
 
+/** Segments over gaps, of the knots of each archive. @type {WeakMap<object, Uint8Array>} */
+const gapsOf = new WeakMap();
+
 /**
  * Draw gaps as dashed lines from where a track was lost to where it was found.
  * @param {Frame} frame
  * @param {Archive} archive
  */
 function drawGaps(frame, { knots }) {
-  const joined = Uint8Array.from(knots.gap);
-  const classes = new Uint8Array(knots.x.length);
+  let joined = gapsOf.get(knots);
+  if (!joined) gapsOf.set(knots, (joined = Uint8Array.from(knots.gap)));
+  const classes = noClasses(knots.x.length);
   drawLines(
     frame,
     { ...knots, joined },
