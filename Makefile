@@ -9,7 +9,7 @@ endif
 WORKERS ?= 2
 MINUTES ?= 60
 SCRIPT := src/gpszip/view/assets/script
-BENCHMARKS ?= startup estep coreset effort merging workers
+BENCHMARKS ?= startup estep coreset effort merging workers panning
 
 # The first Python on the PATH that is new enough. PYTHON=... names another one.
 CANDIDATES := python3 python3.11 python3.12 python3.13 python3.14 python

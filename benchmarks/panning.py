@@ -70,6 +70,9 @@ requestAnimationFrame(step);
 
 
 def main() -> None:
+    if not (shutil.which("chromium") and shutil.which("chromedriver")):
+        print("no chromium and chromedriver: nothing is measured")
+        return
     options = webdriver.ChromeOptions()
     options.binary_location = shutil.which("chromium") or ""
     for flag in FLAGS.split():

@@ -285,7 +285,7 @@ function goToError(app, index, number) {
   store.set({
     area,
     view: { x: (place.x + position.x) / 2, y: (place.y + position.y) / 2, scale },
-    layers: { ...store.state.layers, errors: true, raw: true },
+    layers: { ...store.state.layers, errors: true, raw: true, tracks: true },
     track: archive.tracks.ids.length > 1 ? archive.tracks.ids[place.track] : null,
     playing: false,
   });
