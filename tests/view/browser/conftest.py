@@ -17,7 +17,7 @@ try:
 
     from view.browser.driving import Page
 except ImportError:  # no selenium to drive a browser with
-    collect_ignore_glob = ["test_*.py"]
+    collect_ignore_glob = ["*.py"]
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 CHROMEDRIVER = shutil.which("chromedriver")
