@@ -12,6 +12,7 @@
  * @property {number} ratio
  */
 
+import { clockEpoch } from "./clock.js";
 import { UNITS, formatLength, formatNumber, lengthUnit, niceStep } from "./format.js";
 import { THEMES } from "./colours.js";
 import { chartKinds, chartSeries } from "./series.js";
@@ -19,7 +20,7 @@ import { formatTime, timeTicks } from "./times.js";
 import { lastAtMost } from "./walks.js";
 
 /** CSS pixels around the plot. */
-export const CHART_MARGIN = { left: 52, right: 14, top: 10, bottom: 22 };
+const CHART_MARGIN = { left: 52, right: 14, top: 10, bottom: 22 };
 
 /** Values of a series that are drawn one by one at most; of more, the extremes of each pixel. */
 const MAX_SINGLE = 5000;
@@ -31,8 +32,9 @@ const SHOWN_FACTOR = 1.5;
 /** Opacity of samples behind the walks. */
 const RAW_OPACITY = 0.55;
 
-/** CSS pixels of a tick of the time axis. */
+/** CSS pixels between ticks of the time axis, and between values, about. */
 const TICK_PIXELS = 110;
+const VALUE_PIXELS = 34;
 
 /**
  * Horizontal place of a time.
@@ -40,7 +42,7 @@ const TICK_PIXELS = 110;
  * @param {[number, number]} domain
  * @param {number} time
  */
-export function timeToX(plot, domain, time) {
+function timeToX(plot, domain, time) {
   const inner = plot.width - CHART_MARGIN.left - CHART_MARGIN.right;
   return CHART_MARGIN.left + ((time - domain[0]) / (domain[1] - domain[0])) * inner;
 }
@@ -85,7 +87,8 @@ export function drawChart(app, plot) {
   const bottom = plot.height - CHART_MARGIN.bottom;
   const toY = (/** @type {number} */ value) =>
     bottom - ((value - range[0]) / (range[1] - range[0])) * (bottom - CHART_MARGIN.top);
-  drawAxes(app, plot, ctx, range, toY);
+  drawValueAxis(app, plot, ctx, range, toY);
+  drawTimeAxis(app, plot, ctx);
   ctx.save();
   ctx.beginPath();
   ctx.rect(CHART_MARGIN.left, 0, plot.width - CHART_MARGIN.left - CHART_MARGIN.right, bottom + 1);
@@ -207,45 +210,52 @@ function usualTop(series, domain) {
 }
 
 /**
+ * Draw the lines and labels of values.
  * @param {App} app
  * @param {Plot} plot
  * @param {CanvasRenderingContext2D} ctx
  * @param {[number, number]} range
  * @param {(value: number) => number} toY
  */
-function drawAxes(app, plot, ctx, range, toY) {
-  const { domain, chart, units, zone, theme, aligned } = app.store.state;
-  const colours = THEMES[theme];
-  const right = plot.width - CHART_MARGIN.right;
+function drawValueAxis(app, plot, ctx, range, toY) {
+  const { chart, units, theme } = app.store.state;
   const bottom = plot.height - CHART_MARGIN.bottom;
-  ctx.font = "11px system-ui, sans-serif";
-  ctx.lineWidth = 1;
-
-  // Values.
   const [size] = valueUnit(app, chart, units, range);
-  const step = niceStep(
-    (range[1] - range[0]) / size,
-    Math.max((bottom - CHART_MARGIN.top) / 34, 2),
-  );
+  const count = Math.max((bottom - CHART_MARGIN.top) / VALUE_PIXELS, 2);
+  const step = niceStep((range[1] - range[0]) / size, count);
+  ctx.font = "11px system-ui, sans-serif";
   ctx.textAlign = "right";
+  ctx.strokeStyle = THEMES[theme].grid;
+  ctx.fillStyle = THEMES[theme].muted;
+  ctx.lineWidth = 1;
   for (let i = Math.ceil(range[0] / size / step); i * step * size <= range[1]; i++) {
     const y = Math.round(toY(i * step * size)) + 0.5;
-    ctx.strokeStyle = colours.grid;
     ctx.beginPath();
     ctx.moveTo(CHART_MARGIN.left, y);
-    ctx.lineTo(right, y);
+    ctx.lineTo(plot.width - CHART_MARGIN.right, y);
     ctx.stroke();
-    ctx.fillStyle = colours.muted;
     ctx.fillText(formatNumber(Math.round(i * step * 1e9) / 1e9, 5), CHART_MARGIN.left - 8, y + 4);
   }
+  ctx.textAlign = "left";
+}
 
-  // Times.
-  const epoch = app.scene.epoch && aligned ? "log" : app.scene.epoch;
-  const ticks = timeTicks(domain, (right - CHART_MARGIN.left) / TICK_PIXELS, epoch, zone);
+/**
+ * Draw the ticks and labels of times.
+ * @param {App} app
+ * @param {Plot} plot
+ * @param {CanvasRenderingContext2D} ctx
+ */
+function drawTimeAxis(app, plot, ctx) {
+  const { domain, zone, theme } = app.store.state;
+  const bottom = plot.height - CHART_MARGIN.bottom;
+  const epoch = clockEpoch(app);
+  const inner = plot.width - CHART_MARGIN.left - CHART_MARGIN.right;
+  const ticks = timeTicks(domain, inner / TICK_PIXELS, epoch, zone);
   ctx.textAlign = "center";
+  ctx.strokeStyle = THEMES[theme].grid;
+  ctx.fillStyle = THEMES[theme].muted;
   for (const time of ticks.times) {
     const x = Math.round(timeToX(plot, domain, time)) + 0.5;
-    ctx.strokeStyle = colours.grid;
     ctx.beginPath();
     ctx.moveTo(x, bottom);
     ctx.lineTo(x, bottom + 4);
@@ -314,6 +324,7 @@ function drawSeries(app, plot, ctx, series, toY) {
   series.parts.forEach(({ shift, from }, i) => {
     let isDown = false;
     for (let k = ranges[i][0]; k < ranges[i][1]; k++) {
+      if (series.joined && !series.joined[k]) isDown = false;
       const x = timeToX(plot, domain, series.time[k] - shift);
       const y = toY(series.value[k]);
       if (series.kind === "dots") ctx.rect(x - 1, y - 1, 2, 2);
@@ -420,8 +431,8 @@ export function drawChartOverlay(app, plot) {
  * @param {number} hover
  */
 function drawHoverText(app, plot, ctx, hover) {
-  const { domain, zone, chart, units, theme, aligned } = app.store.state;
-  const epoch = app.scene.epoch && aligned ? "log" : app.scene.epoch;
+  const { domain, zone, chart, units, theme } = app.store.state;
+  const epoch = clockEpoch(app);
   const step = (domain[1] - domain[0]) / plot.width;
   const texts = [formatTime(hover, epoch, zone, Math.min(step, 59))];
   for (const series of chartSeries(app)) {

@@ -76,7 +76,7 @@ function zoomChart(app, time, event) {
  * @param {App} app
  * @param {[number, number]} domain
  */
-export function showTimes(app, domain) {
+function showTimes(app, domain) {
   const [first, last] = clockExtent(app);
   const from = Math.max(domain[0], first);
   const to = Math.min(domain[1], last);

@@ -62,6 +62,14 @@ export function clockShift({ store }, archive, track) {
 }
 
 /**
+ * Kind of the clock's times: those of aligned tracks count from 0.
+ * @param {App} app
+ */
+export function clockEpoch({ scene, store }) {
+  return scene.epoch && store.state.aligned ? "log" : scene.epoch;
+}
+
+/**
  * First and last time of the clock.
  * @param {App} app
  * @returns {Range}
@@ -85,7 +93,7 @@ export function clockExtent(app) {
  * @param {App} app
  * @returns {Range[]}
  */
-export function knownRanges(app) {
+function knownRanges(app) {
   /** @type {Range[]} */
   const ranges = [];
   for (const archive of app.scene.archives) {

@@ -338,7 +338,7 @@ function valueRange(values, state) {
  * @param {Float64Array[]} values NaN is left out
  * @param {number} share
  */
-export function percentile(values, share) {
+function percentile(values, share) {
   const count = values.reduce((sum, each) => sum + each.length, 0);
   const step = Math.max(Math.floor(count / SORTED_VALUES), 1);
   const known = values.flatMap((each) =>

@@ -14,8 +14,11 @@ const GRID_PIXELS = 130;
 /** Pieces in which a parallel or meridian is drawn. */
 const PIECES = 12;
 
-/** Steps of degrees below one: minutes and seconds are no better to read than decimals. */
+/** Decimals of degrees at most: a decimetre. */
 const DEGREE_DECIMALS = 6;
+
+/** Degrees beyond which no graticule is drawn: the plane is no map of so much. */
+const MAX_SPAN = 60;
 
 /** Metres of a degree of latitude. */
 const DEGREE = 111200;
@@ -53,62 +56,93 @@ export function drawLabels({ ctx, theme }, labels) {
 }
 
 /**
+ * Draw parallels with labels on the left, and meridians with labels at the top.
  * @param {Frame} frame
  * @param {Area} area
  * @param {[number, number]} center
  * @returns {Label[]}
  */
 function drawDegrees(frame, area, center) {
-  const { seen, view } = frame;
-  const corners = [
-    [seen.minX, seen.minY],
-    [seen.minX, seen.maxY],
-    [seen.maxX, seen.minY],
-    [seen.maxX, seen.maxY],
-    [view.x, seen.minY],
-    [view.x, seen.maxY],
-  ].map(([x, y]) => toDegrees(x - area.x, y, center));
+  const { south, north, west, east } = seenDegrees(frame, area, center);
+  if (!(north - south < MAX_SPAN) || !(east - west < MAX_SPAN)) return [];
+  const step = GRID_PIXELS / frame.view.scale / DEGREE;
+  const stepLat = niceStep(step, 1);
+  const narrowing = Math.max(Math.cos(((south + north) / 2) * (Math.PI / 180)), 0.1);
+  const stepLon = niceStep(step / narrowing, 1);
 
-  // Ranges of degrees; longitudes count from the centre, across the antimeridian too.
-  const lats = corners.map(([lat]) => lat);
-  const lons = corners.map(
-    ([, lon]) => center[1] + ((((lon - center[1] + 180) % 360) + 360) % 360) - 180,
-  );
-  const [south, north] = [Math.min(...lats), Math.max(...lats)];
-  const [west, east] = [Math.min(...lons), Math.max(...lons)];
-  if (!(north - south < 60) || !(east - west < 120)) return [];
-  const stepLat = niceStep(GRID_PIXELS / view.scale / DEGREE, 1);
-  const stepLon = niceStep(
-    GRID_PIXELS /
-      view.scale /
-      DEGREE /
-      Math.max(Math.cos((view.y / DEGREE + center[0]) * (Math.PI / 180)), 0.1),
-    1,
-  );
-  const decimals = (/** @type {number} */ step) =>
-    Math.min(Math.max(Math.ceil(-Math.log10(step) - 1e-9), 0), DEGREE_DECIMALS);
-
-  // Parallels with labels on the left, meridians with labels at the top.
-  const toWorld = (/** @type {number} */ lat, /** @type {number} */ lon) => {
-    const [x, y] = toPlane(lat, lon, center);
-    return /** @type {[number, number]} */ ([x + area.x, y]);
-  };
   /** @type {Label[]} */
   const labels = [];
+  const draw = (
+    /** @type {[number, number][]} */ places,
+    /** @type {number} */ degrees,
+    /** @type {"lat" | "lon"} */ axis,
+  ) => {
+    const line = places.map(([lat, lon]) => shift(toPlane(lat, lon, center), area.x));
+    const decimals = stepDecimals(axis === "lat" ? stepLat : stepLon);
+    const text = formatDegrees(degrees, axis, decimals);
+    labels.push(...drawGridLine(frame, line, text, axis === "lat" ? "left" : "top"));
+  };
   for (let i = Math.ceil(south / stepLat); i * stepLat <= north; i++) {
-    const lat = i * stepLat;
-    const line = pieces(west, east).map((lon) => toWorld(lat, lon));
-    labels.push(...drawGridLine(frame, line, formatDegrees(lat, "lat", decimals(stepLat)), "left"));
+    draw(
+      pieces(west, east).map((lon) => [i * stepLat, lon]),
+      i * stepLat,
+      "lat",
+    );
   }
   for (let i = Math.ceil(west / stepLon); i * stepLon <= east; i++) {
-    const lon = i * stepLon;
-    const line = pieces(south, north).map((lat) => toWorld(lat, lon));
-    const shown = ((((lon + 180) % 360) + 360) % 360) - 180;
-    labels.push(
-      ...drawGridLine(frame, line, formatDegrees(shown, "lon", decimals(stepLon)), "top"),
+    draw(
+      pieces(south, north).map((lat) => [lat, i * stepLon]),
+      wrap(i * stepLon),
+      "lon",
     );
   }
   return labels;
+}
+
+/**
+ * Ranges of degrees that are seen; longitudes count on across the antimeridian.
+ * @param {Frame} frame
+ * @param {Area} area
+ * @param {[number, number]} center
+ */
+function seenDegrees({ seen, view }, area, center) {
+  const places = [];
+  for (const x of [seen.minX, view.x, seen.maxX]) {
+    for (const y of [seen.minY, seen.maxY]) places.push(toDegrees(x - area.x, y, center));
+  }
+  const lats = places.map(([lat]) => lat);
+  const lons = places.map(([, lon]) => center[1] + wrap(lon - center[1]));
+  return {
+    south: Math.min(...lats),
+    north: Math.max(...lats),
+    west: Math.min(...lons),
+    east: Math.max(...lons),
+  };
+}
+
+/**
+ * A longitude in [-180, 180).
+ * @param {number} lon degrees
+ */
+function wrap(lon) {
+  return ((((lon + 180) % 360) + 360) % 360) - 180;
+}
+
+/**
+ * @param {[number, number]} position
+ * @param {number} dx metres
+ * @returns {[number, number]}
+ */
+function shift([x, y], dx) {
+  return [x + dx, y];
+}
+
+/**
+ * Decimals that tell multiples of a step apart.
+ * @param {number} step
+ */
+function stepDecimals(step) {
+  return Math.min(Math.max(Math.ceil(-Math.log10(step) - 1e-9), 0), DEGREE_DECIMALS);
 }
 
 /**

@@ -26,6 +26,20 @@ import { findAreas, zoomView } from "./viewport.js";
 /** Zoom of a button. */
 const BUTTON_ZOOM = 1.6;
 
+/** @typedef {(keyof import("./store.js").State)[]} Keys */
+
+/** What all canvases depend on. @type {Keys} */
+const ALL_KEYS = ["track", "aligned", "theme", "size"];
+
+/** What each canvas depends on. @type {Keys} */
+const MAP_KEYS = [...ALL_KEYS, "view", "area", "layers", "colour", "zone", "units"];
+/** @type {Keys} */
+const OVERLAY_KEYS = [...ALL_KEYS, "view", "time", "tail", "range", "hover", "pointer", "place"];
+/** @type {Keys} */
+const CHART_KEYS = [...ALL_KEYS, "chart", "domain", "units", "zone"];
+/** @type {Keys} */
+const CURSOR_KEYS = [...CHART_KEYS, "range", "time", "hover"];
+
 /** Whether the system prefers dark colours. */
 const DARK = window.matchMedia("(prefers-color-scheme: dark)");
 
@@ -104,12 +118,11 @@ function addPane(scene, archive) {
 }
 
 /**
- * Draw again what depends on what changed.
+ * Change what follows from what the user changed.
  * @param {import("./map.js").App} app
- * @param {import("./chart.js").Plot} plot
  */
-function drawChanges(app, plot) {
-  const { store, panes } = app;
+function deriveState(app) {
+  const { store } = app;
   store.on(
     ["colour", "track", "zone", "units", "aligned", "theme"],
     () => (app.colouring = colourScene(app.scene, store.state)),
@@ -125,34 +138,19 @@ function drawChanges(app, plot) {
   store.on(["time", "track", "follow", "aligned"], () => {
     if (store.state.follow) centreOnAgent(app);
   });
+}
 
-  // The canvases.
-  store.on(
-    ["view", "layers", "colour", "track", "zone", "aligned", "units", "theme", "area", "size"],
-    () => panes.forEach((pane) => drawMap(app, pane)),
-  );
-  store.on(
-    [
-      "view",
-      "time",
-      "tail",
-      "track",
-      "aligned",
-      "range",
-      "hover",
-      "pointer",
-      "place",
-      "theme",
-      "size",
-    ],
-    () => panes.forEach((pane) => drawOverlay(app, pane)),
-  );
-  store.on(["chart", "domain", "track", "aligned", "units", "zone", "theme", "size"], () =>
-    drawChart(app, plot),
-  );
-  store.on(["chart", "domain", "range", "time", "hover", "units", "zone", "theme", "size"], () =>
-    drawChartOverlay(app, plot),
-  );
+/**
+ * Draw the canvases again when what they show changes.
+ * @param {import("./map.js").App} app
+ * @param {import("./chart.js").Plot} plot
+ */
+function drawCanvases(app, plot) {
+  const { store, panes } = app;
+  store.on(MAP_KEYS, () => panes.forEach((pane) => drawMap(app, pane)));
+  store.on(OVERLAY_KEYS, () => panes.forEach((pane) => drawOverlay(app, pane)));
+  store.on(CHART_KEYS, () => drawChart(app, plot));
+  store.on(CURSOR_KEYS, () => drawChartOverlay(app, plot));
   store.on(["pointer", "view"], () => {
     const { pointer, view, area } = store.state;
     find("position").textContent = pointer
@@ -234,7 +232,8 @@ function startPage(scene) {
 
   // Drawing comes first, as controls may change what is drawn.
   document.documentElement.setAttribute("data-theme", store.state.theme);
-  drawChanges(app, plot);
+  deriveState(app);
+  drawCanvases(app, plot);
   startClock(app);
   startSettings(app, { fit: () => fitArea(app) });
   startTransport(app);

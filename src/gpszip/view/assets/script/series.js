@@ -15,6 +15,7 @@
  * @property {"dots" | "line" | "step"} kind a step has its value since the number before
  * @property {Float64Array} time
  * @property {Float64Array} value
+ * @property {Uint8Array} [joined] 0 where no line leads to a number from the one before
  * @property {Part[]} parts
  *
  * @typedef {object} ChartKind
@@ -124,59 +125,46 @@ function rawSeries(app, archive) {
 function walkSeries(app, archive, name, decoded) {
   const { knots, raw, kept } = archive;
   const { chart } = app.store.state;
+  /** @type {Series["colour"]} */
   const colour = archive.index ? "tracks" : "clean";
+  const ofKnots = { colour, time: knots.time, joined: knots.joined };
+  const label = `${name}${decoded}`;
+  const parts = walkParts(app, archive, archive.tracks.offsets);
   if (chart === "speed") {
     const value = cached(knots, () => knots.x.map((_, k) => (k ? segmentSpeed(archive, k) : NaN)));
-    return [
-      {
-        label: `${name}${decoded}`,
-        colour,
-        kind: "step",
-        time: knots.time,
-        value,
-        parts: walkParts(app, archive, archive.tracks.offsets),
-      },
-    ];
+    return [{ ...ofKnots, label, kind: "step", value, parts }];
   }
   if (chart === "altitude" && knots.z) {
-    return [
-      {
-        label: `${name}${decoded}`,
-        colour,
-        kind: "line",
-        time: knots.time,
-        value: knots.z,
-        parts: walkParts(app, archive, archive.tracks.offsets),
-      },
-    ];
+    return [{ ...ofKnots, label, kind: "line", value: knots.z, parts }];
   }
-  if (chart === "error" && raw) {
-    const ofError = app.scene.archives.length > 1 ? colour : "error";
-    return [
-      {
-        label: `${name}Error`,
-        colour: ofError,
-        kind: "dots",
-        time: raw.time,
-        value: raw.error,
-        parts: rawParts(app, archive),
-      },
-    ];
-  }
-  const column =
-    chart.startsWith(KEPT) && kept ? kept.columns.get(chart.slice(KEPT.length)) : undefined;
-  if (!column || !kept) return [];
-  const parts = walkParts(app, archive, kept.offsets);
-  return [
-    {
-      label: `${name}${chart.slice(KEPT.length)}`,
-      colour,
-      kind: "line",
-      time: kept.time,
-      value: column,
-      parts,
-    },
-  ];
+  if (chart === "error" && raw) return [errorSeries(app, archive, name)];
+
+  // A column that was kept.
+  const column = chart.startsWith(KEPT) ? chart.slice(KEPT.length) : "";
+  const value = kept?.columns.get(column);
+  if (!kept || !value) return [];
+  const ofColumn = { colour, time: kept.time, parts: walkParts(app, archive, kept.offsets) };
+  return [{ ...ofColumn, label: `${name}${column}`, kind: "line", value }];
+}
+
+/**
+ * Errors of the samples.
+ * @param {App} app
+ * @param {Archive} archive
+ * @param {string} name of the archive, if there are two
+ * @returns {Series}
+ */
+function errorSeries(app, archive, name) {
+  const { time, error } = /** @type {import("./scene.js").Raw} */ (archive.raw);
+  const isSingle = app.scene.archives.length === 1;
+  return {
+    label: `${name}Error`,
+    colour: isSingle ? "error" : archive.index ? "tracks" : "clean",
+    kind: "dots",
+    time,
+    value: error,
+    parts: rawParts(app, archive),
+  };
 }
 
 /**

@@ -88,7 +88,7 @@ export function formatTime(time, epoch, zone, step, part = "both") {
  * @param {number} time
  * @param {number} decimals
  */
-export function formatClock(time, decimals = 0) {
+function formatClock(time, decimals = 0) {
   const size = Math.abs(time);
   const hours = Math.floor(size / 3600);
   const minutes = Math.floor((size % 3600) / 60);

@@ -5,7 +5,7 @@
  */
 
 import { showAllTimes, zoomToRange } from "./chartgestures.js";
-import { SPEEDS, clockExtent, clockStep, setClock, togglePlay } from "./clock.js";
+import { SPEEDS, clockEpoch, clockExtent, clockStep, setClock, togglePlay } from "./clock.js";
 import { THEMES } from "./colours.js";
 import { fillSelect, find, findInput, make, show } from "./dom.js";
 import { centreOnAgent } from "./follow.js";
@@ -49,14 +49,6 @@ export function startTransport(app) {
   updateRange(app);
   updateChartHead(app);
   updateBoxes(app);
-}
-
-/**
- * Kind of the clock's times: those of aligned tracks count from 0.
- * @param {App} app
- */
-export function clockEpoch({ scene, store }) {
-  return scene.epoch && store.state.aligned ? "log" : scene.epoch;
 }
 
 /**

@@ -77,7 +77,7 @@ function knotPosition({ knots }, k, next, share) {
  * @param {Archive} archive
  * @param {number} k
  */
-export function segmentLength({ knots }, k) {
+function segmentLength({ knots }, k) {
   const height = knots.z ? knots.z[k] - knots.z[k - 1] : 0;
   return Math.hypot(knots.x[k] - knots.x[k - 1], knots.y[k] - knots.y[k - 1], height);
 }
