@@ -2,6 +2,7 @@
 
 import base64
 
+import pytest
 from selenium.webdriver import Keys
 
 from view.browser.driving import COUNT, Page
@@ -64,6 +65,24 @@ def test_a_page_prints_in_light_colours_and_without_controls(fleet_page):
         assert fleet_page.shown("numbers")
     finally:
         fleet_page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (900, 520)])
+def test_nothing_sticks_out_of_a_window(browser, odd_paths, width, height):
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    try:
+        page = Page(browser, odd_paths["travel"]).open()
+        outside = page.run(
+            "return [...document.querySelectorAll('button, select, input, output, canvas')]"
+            ".filter((each) => each.checkVisibility() && !each.closest('#panel'))"
+            ".filter((each) => { const box = each.getBoundingClientRect();"
+            "  return box.right > innerWidth + 0.5 || box.bottom > innerHeight + 0.5 || box.width < 1; })"
+            ".map((each) => each.id)"
+        )
+        assert [each for each in outside if each != "position"] == []
+    finally:
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 def test_a_narrow_window_scrolls_down_but_not_sideways(browser, fleet_path):

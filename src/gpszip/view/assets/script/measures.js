@@ -101,7 +101,7 @@ export function trackRows(app, archive) {
   const shift = (/** @type {number} */ i) => clockShift(app, archive, tracks[i]);
   const first = extents.reduce((low, [start], i) => Math.min(low, start - shift(i)), Infinity);
   const last = extents.reduce((high, [, end], i) => Math.max(high, end - shift(i)), -Infinity);
-  if (first > last) return [];
+  if (first > last) return [["Times", "none"]];
   const rows = measureRows(
     app,
     archive,
