@@ -8,7 +8,9 @@ BIN := $(VENV)/bin
 endif
 WORKERS ?= 2
 MINUTES ?= 60
-BENCHMARKS ?= startup reading estep coreset effort merging workers
+SCRIPT := src/gpszip/view/assets/script
+NODE := build/node
+BENCHMARKS ?= startup reading estep coreset effort merging workers panning
 
 # The first Python on the PATH that is new enough. PYTHON=... names another one.
 CANDIDATES := python3 python3.11 python3.12 python3.13 python3.14 python
@@ -16,10 +18,11 @@ PYTHON ?= $(shell for p in $(CANDIDATES); do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help test lint types imports warm pytest fuzz faults bench docs wheel man format demo clean
+.PHONY: help test lint types imports page warm pytest fuzz faults bench docs wheel man format demo clean
 
 help:
 	@echo "make test     check everything: ruff, mypy, import-linter, pytest; the 20 slowest tests are listed"
+	@echo "make page     check the script of the page with tsc, eslint and prettier, which needs node"
 	@echo "make fuzz     feed every reader and the container changed files for MINUTES=60, within bounds of memory and time"
 	@echo "make faults   let every system call of every command fail, kill each 200 times, compile for any processor (an hour)"
 	@echo "make bench    run the benchmarks (an hour)"
@@ -32,7 +35,7 @@ help:
 
 # Checks of the text and compiling kernels go side by side; without the latter each worker compiles all kernels for itself.
 test: $(VENV)/.dev
-	@$(MAKE) --no-print-directory --jobs=2 --output-sync lint types imports warm
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync lint types imports page warm
 	@$(MAKE) --no-print-directory pytest
 
 warm: $(VENV)/.dev
@@ -47,6 +50,14 @@ types: $(VENV)/.dev
 
 imports: $(VENV)/.dev
 	$(BIN)/lint-imports
+
+# The script of the page: types, rules and layout. Needs npm, which fetches the tools.
+page:
+	@if npm install --silent --no-save --prefix $(NODE) typescript@5 eslint@9 prettier@3 >/dev/null 2>&1; then \
+		$(NODE)/node_modules/.bin/tsc --project . && \
+		$(NODE)/node_modules/.bin/eslint $(SCRIPT) && \
+		$(NODE)/node_modules/.bin/prettier --print-width 100 --check $(SCRIPT) $(SCRIPT)/../page.css; \
+	else echo "no npm, or no network: the script of the page is not checked" >&2; fi
 
 pytest: $(VENV)/.dev
 	$(BIN)/pytest -n $(WORKERS) --dist worksteal --durations=20 -rs

@@ -75,6 +75,7 @@ if TYPE_CHECKING:
     from gpszip.sketches.pieces import PiecewiseLinear, polyline
     from gpszip.sketches.stream import CoresetStream
     from gpszip.view.plot import plot
+    from gpszip.view.write import write_page
 
 __version__ = "0.1.0"
 
@@ -151,6 +152,7 @@ __all__ = [
     "read",
     "save_coreset",
     "segment_mean",
+    "write_page",
 ]
 
 #: Module of each public name, which is imported when the name is first used: importing gpszip, and
@@ -249,6 +251,7 @@ _HOMES = {
     ),
     "gpszip.sketches.stream": ("CoresetStream",),
     "gpszip.view.plot": ("plot",),
+    "gpszip.view.write": ("write_page",),
 }
 
 

@@ -32,6 +32,7 @@ from gpszip.model.clean_map import CleanMap
 from gpszip.model.error_bound import ErrorBound
 from gpszip.model.grid import QuantisationGrid, refined_grid, step_size
 from gpszip.model.grid_walks import GridWalk, GridWalks, ends_of_walks, refined
+from gpszip.model.html import to_html
 from gpszip.model.merge_report import MergeReport
 from gpszip.model.projection import map_coordinates
 from gpszip.model.report import Report
@@ -106,6 +107,9 @@ class Archive:
         else:
             facts.append(axes_text(self.grid.dimension, self.grid.plane))
         return f"Archive({', '.join(facts)})"
+
+    def _repr_html_(self) -> str:
+        return to_html("show_archive", self)
 
     def __len__(self) -> int:
         return len(self.ids)

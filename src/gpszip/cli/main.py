@@ -50,6 +50,7 @@ _COMMANDS = (
     "match",
     "patch",
     "merge",
+    "view",
     "info",
     "verify",
     "recover",

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import overload
 
+from gpszip.model.html import to_html
 from gpszip.model.text import count_text
 from gpszip.model.track import Track
 
@@ -138,6 +139,9 @@ class ReadResult(Sequence[Track]):
     def __repr__(self) -> str:
         tracks, points = count_text(len(self.tracks), "track"), count_text(self.points, "point")
         return f"ReadResult({tracks}, {points}, {self.lost:,} lost)"
+
+    def _repr_html_(self) -> str:
+        return to_html("show_tracks", list(self))
 
     # With this and the next method, Sequence can iterate, search and count.
     def __len__(self) -> int:

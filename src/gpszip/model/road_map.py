@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gpszip.model.directed_edges import DirectedEdges, split_directions
 from gpszip.model.grid import Plane
+from gpszip.model.html import to_html
 from gpszip.model.projection import map_coordinates
 from gpszip.model.text import axes_text, count_text
 
@@ -53,6 +54,9 @@ class RoadMap:
             axes_text(self.nodes.shape[1], self.plane),
         )
         return f"RoadMap({', '.join(facts)})"
+
+    def _repr_html_(self) -> str:
+        return to_html("show_map", self)
 
     @property
     def coordinates(self) -> NDArray[np.float64]:

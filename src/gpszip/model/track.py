@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import OptionError, TrackError
 from gpszip.model.grid import Plane
+from gpszip.model.html import to_html
 from gpszip.model.projection import map_coordinates
 from gpszip.model.text import axes_text, count_text
 from gpszip.model.timestamps import Times, format_span, to_seconds, wrong_unit
@@ -80,6 +81,9 @@ class Track:
         span = format_span(first, last) if self.timed else f"{last - first:.10g} m without times"
         samples = count_text(len(self), "sample")
         return f"Track({self.id!r}, {samples}, {span}, {axes_text(self.dimension, self.plane)})"
+
+    def _repr_html_(self) -> str:
+        return to_html("show_tracks", [self])
 
     def __len__(self) -> int:
         return len(self.times)

@@ -1,1 +1,1 @@
-"""Pictures of maps and logs, with matplotlib."""
+"""Pages for browsers, and pictures with matplotlib, of archives, maps and logs."""

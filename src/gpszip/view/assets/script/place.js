@@ -1,0 +1,191 @@
+/**
+ * What is at a place: its position, the edge under it, and everything that passes.
+ *
+ * @typedef {import("./map.js").App} App
+ * @typedef {import("./walks.js").Pass} Pass
+ */
+
+import { clockExtent, clockShift } from "./clock.js";
+import { make, makeButton, makeTable } from "./dom.js";
+import { formatCount, formatLength, formatSpeed } from "./format.js";
+import { formatPosition } from "./graticule.js";
+import { lineLength } from "./lines.js";
+import { calendar, formatListed } from "./times.js";
+import { findPasses } from "./walks.js";
+
+/** Passes that are listed. */
+const MAX_LISTED = 200;
+
+/** Hours of a day. */
+const HOURS = 24;
+
+/** Heights of the bars of hours in per cent. */
+const FULL_BAR = 100;
+
+/** Headings to eight winds, from the east counterclockwise. */
+const ARROWS = ["\u2192", "\u2197", "\u2191", "\u2196", "\u2190", "\u2199", "\u2193", "\u2198"];
+
+/**
+ * Elements that describe the chosen place.
+ * @param {App} app
+ * @param {(pass: Pass, archive: import("./scene.js").Archive) => void} visit shows a pass
+ * @returns {HTMLElement[]}
+ */
+export function describePlace(app, visit) {
+  const { place, view, area } = app.store.state;
+  if (!place) return [];
+  const elements = [
+    make("p", { class: "hint" }, formatPosition(place.x, place.y, app.areas[area], view.scale)),
+  ];
+  for (const archive of app.scene.archives) {
+    const name = app.scene.archives.length > 1 ? archive.name : "";
+    const edge = nearestEdge(archive.clean, place);
+    if (edge >= 0)
+      elements.push(makeTable(edgeRows(app, archive, edge), name || "Edge of the clean map"));
+    const chosen = place.track === null ? undefined : archive.tracks.numbers.get(place.track);
+    const passes = findPasses(archive, place, chosen);
+    const timeOf = (/** @type {Pass} */ pass) => pass.time - clockShift(app, archive, pass.track);
+    passes.sort((a, b) => timeOf(a) - timeOf(b));
+    elements.push(...describePasses(app, archive, passes, visit));
+  }
+  return elements;
+}
+
+/**
+ * Number of the edge nearest to a place, within its radius; -1 if there is none.
+ * @param {import("./scene.js").Edges} edges
+ * @param {{x: number, y: number, radius: number}} place
+ */
+function nearestEdge(edges, { x, y, radius }) {
+  let [best, nearest] = [-1, radius];
+  for (let k = 1; k < edges.x.length; k++) {
+    if (!edges.joined[k]) continue;
+    const [dx, dy] = [edges.x[k] - edges.x[k - 1], edges.y[k] - edges.y[k - 1]];
+    const along =
+      ((x - edges.x[k - 1]) * dx + (y - edges.y[k - 1]) * dy) / (dx * dx + dy * dy || 1);
+    const share = Math.min(Math.max(along, 0), 1);
+    const distance = Math.hypot(edges.x[k - 1] + share * dx - x, edges.y[k - 1] + share * dy - y);
+    if (distance <= nearest) [best, nearest] = [edges.line[k], distance];
+  }
+  return best;
+}
+
+/**
+ * @param {App} app
+ * @param {import("./scene.js").Archive} archive
+ * @param {number} edge
+ * @returns {[string, string][]}
+ */
+function edgeRows(app, archive, edge) {
+  const { clean } = archive;
+  const start = clean.offsets[edge];
+  const end = clean.offsets[edge + 1] - 1;
+  const heading = Math.atan2(clean.y[end] - clean.y[start], clean.x[end] - clean.x[start]);
+  return [
+    ["Length", formatLength(lineLength(clean, edge), app.store.state.units)],
+    [`Traversals ${arrow(heading)}`, formatCount(clean.forward[edge])],
+    [`Traversals ${arrow(heading + Math.PI)}`, formatCount(clean.backward[edge])],
+  ];
+}
+
+/**
+ * Arrow of a heading.
+ * @param {number} heading radians, counterclockwise from the east
+ */
+function arrow(heading) {
+  return ARROWS[((Math.round(heading / (Math.PI / 4)) % 8) + 8) % 8];
+}
+
+/**
+ * All passes, and their speeds by hour.
+ * @param {App} app
+ * @param {import("./scene.js").Archive} archive
+ * @param {Pass[]} passes
+ * @param {(pass: Pass, archive: import("./scene.js").Archive) => void} visit
+ * @returns {HTMLElement[]}
+ */
+function describePasses(app, archive, passes, visit) {
+  if (!passes.length) return [make("p", { class: "hint" }, "No track passes here.")];
+  const { zone, units, aligned } = app.store.state;
+  const { epoch } = app.scene;
+  const tracks = new Set(passes.map(({ track }) => track)).size;
+  const count = `${formatCount(passes.length)} ${passes.length === 1 ? "pass" : "passes"}`;
+  const of = tracks > 1 ? ` of ${formatCount(tracks)} tracks` : "";
+  const elements = [make("p", {}, make("strong", {}, count), of)];
+  if (epoch === "unix") elements.push(...speedsByHour(passes, zone, units));
+
+  // One button for each pass, which goes there.
+  const list = make("ul", { class: "passes" });
+  for (const pass of passes.slice(0, MAX_LISTED)) {
+    const shift = clockShift(app, archive, pass.track);
+    const time = formatListed(
+      pass.time - shift,
+      aligned && epoch ? "log" : epoch,
+      zone,
+      clockExtent(app),
+    );
+    const button = makeButton("", () => visit(pass, archive));
+    const name = archive.tracks.ids.length > 1 ? archive.tracks.ids[pass.track] : "";
+    const speed = Number.isNaN(pass.speed) ? "" : formatSpeed(pass.speed, units);
+    button.append(
+      make("span", {}, time),
+      make("span", { class: "space" }, name),
+      make("span", {}, `${arrow(pass.heading)} ${speed}`),
+    );
+    list.append(make("li", {}, button));
+  }
+  elements.push(list);
+  if (passes.length > MAX_LISTED) {
+    elements.push(
+      make("p", { class: "hint" }, `and ${formatCount(passes.length - MAX_LISTED)} more`),
+    );
+  }
+  return elements;
+}
+
+/**
+ * Bars of the mean speed in each hour of the day; the numbers are in their labels.
+ * @param {Pass[]} passes
+ * @param {string} zone
+ * @param {string} units
+ * @returns {HTMLElement[]}
+ */
+function speedsByHour(passes, zone, units) {
+  const sums = new Float64Array(HOURS);
+  const counts = new Uint32Array(HOURS);
+  for (const { time, speed } of passes) {
+    if (Number.isNaN(speed)) continue;
+    const { hour } = calendar(time, zone);
+    sums[hour] += speed;
+    counts[hour]++;
+  }
+  const means = sums.map((sum, hour) => (counts[hour] ? sum / counts[hour] : 0));
+  const most = Math.max(...means);
+  if (counts.filter((count) => count).length < 2 || !most) return [];
+
+  // A picture for eyes, a text for others.
+  const texts = [...means].flatMap((mean, hour) =>
+    counts[hour]
+      ? [`${hour}:00 ${formatSpeed(mean, units)}, ${formatCount(counts[hour])} passes`]
+      : [],
+  );
+  const bars = make("div", {
+    class: "hours",
+    role: "img",
+    "aria-label": `Mean speed by hour: ${texts.join("; ")}`,
+  });
+  means.forEach((mean, hour) => {
+    const bar = make("span", {
+      title: counts[hour] ? `${hour}:00  ${formatSpeed(mean, units)}` : `${hour}:00`,
+    });
+    bar.style.height = `${(mean / most) * FULL_BAR}%`;
+    bars.append(bar);
+  });
+  const labels = ["0:00", "6:00", "12:00", "18:00", "24:00"].map((text) => make("span", {}, text));
+  const title = make(
+    "p",
+    { class: "hint" },
+    `Mean speed by hour, up to ${formatSpeed(most, units)}`,
+  );
+  return [title, bars, make("div", { class: "hour-labels" }, ...labels)];
+}

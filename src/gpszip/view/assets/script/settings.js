@@ -1,0 +1,78 @@
+/**
+ * The top of the page: title, area, units, time zone, light or dark.
+ *
+ * @typedef {import("./map.js").App} App
+ */
+
+import { fillSelect, find, findInput, make, show } from "./dom.js";
+import { UNITS, formatBytes, formatCount } from "./format.js";
+
+/** Zones that are listed first. */
+const UTC = "UTC";
+
+/**
+ * Build the top of the page.
+ * @param {App} app
+ * @param {{fit: () => void}} actions
+ */
+export function startSettings(app, { fit }) {
+  const { scene, store, areas } = app;
+  find("title").textContent = scene.title;
+  find("title").title = scene.command || scene.title;
+  find("summary").append(...summary(scene));
+
+  // Choices.
+  fillSelect(
+    find("units"),
+    Object.entries(UNITS).map(([id, { label }]) => [id, label]),
+    store.state.units,
+  );
+  find("units").addEventListener("change", () => store.set({ units: findInput("units").value }));
+  fillSelect(find("zone"), zoneNames(), store.state.zone);
+  find("zone").addEventListener("change", () => store.set({ zone: findInput("zone").value }));
+  show(find("zone-label"), scene.epoch === "unix");
+  fillSelect(
+    find("area"),
+    areas.map(({ label }, i) => [String(i), label]),
+    "0",
+  );
+  find("area").addEventListener("change", () => {
+    store.set({ area: Number(findInput("area").value) });
+    fit();
+  });
+  store.on(["area"], () => (findInput("area").value = String(store.state.area)));
+  show(find("area-label"), areas.length > 1);
+}
+
+/**
+ * What the archive does, in a sentence.
+ * @param {import("./scene.js").Scene} scene
+ */
+function summary({ archives }) {
+  const [{ points, bytes, raw, tracks }] = archives;
+  if (bytes === null)
+    return points === null ? [] : [make("strong", {}, `${formatCount(points)} points`)];
+  if (archives.length > 1)
+    return [archives.map((each) => `${each.name}: ${formatBytes(each.bytes ?? 0)}`).join(", ")];
+  const size = make("strong", {}, formatBytes(bytes));
+  if (!points)
+    return [
+      `${formatCount(tracks.ids.length)} ${tracks.ids.length === 1 ? "track" : "tracks"} in `,
+      size,
+    ];
+  const isThinned = raw && raw.drawn < raw.total;
+  const rest = isThinned
+    ? `; this page shows ${formatCount(raw.drawn)} of them, of neighbours the one with the largest error`
+    : "";
+  return [make("strong", {}, `${formatCount(points)} points`), " as ", size, rest];
+}
+
+/**
+ * Names of time zones: UTC, the browser's own, and all others.
+ * @returns {[string, string][]}
+ */
+function zoneNames() {
+  const own = Intl.DateTimeFormat().resolvedOptions().timeZone;
+  const names = new Set([UTC, own, ...Intl.supportedValuesOf("timeZone")]);
+  return [...names].map((name) => [name, name === own && own !== UTC ? `${name} (here)` : name]);
+}

@@ -1,0 +1,199 @@
+/**
+ * Where tracks are at a time: positions on walks are linear in time between two knots.
+ *
+ * @typedef {import("./scene.js").Archive} Archive
+ * @typedef {{x: number, y: number, z: number, time: number}} Position
+ */
+
+/**
+ * Number of the last value that is at most a given one, in a sorted part of an array.
+ * @param {Float64Array} values
+ * @param {number} value
+ * @param {number} from first of the part
+ * @param {number} to end of the part
+ * @returns {number} from - 1 if all are larger
+ */
+export function lastAtMost(values, value, from, to) {
+  let [low, high] = [from - 1, to];
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (values[middle] <= value) low = middle;
+    else high = middle;
+  }
+  return low;
+}
+
+/**
+ * First and last time of a track; NaN if it has no knots.
+ * @param {Archive} archive
+ * @param {number} track
+ * @returns {[number, number]}
+ */
+export function trackExtent(archive, track) {
+  const { offsets } = archive.tracks;
+  if (offsets[track] === offsets[track + 1]) return [NaN, NaN];
+  return [archive.knots.time[offsets[track]], archive.knots.time[offsets[track + 1] - 1]];
+}
+
+/**
+ * Position of a track at a time.
+ * @param {Archive} archive
+ * @param {number} track
+ * @param {number} time
+ * @returns {Position | null} null before the first knot, after the last, and in a gap
+ */
+export function positionAt(archive, track, time) {
+  const { knots, tracks } = archive;
+  const [from, to] = [tracks.offsets[track], tracks.offsets[track + 1]];
+  const k = lastAtMost(knots.time, time, from, to);
+  if (k < from || to === from) return null;
+  if (k === to - 1) return time > knots.time[k] ? null : knotPosition(archive, k, k, 0);
+  if (knots.gap[k + 1]) return time > knots.time[k] ? null : knotPosition(archive, k, k, 0);
+  const duration = knots.time[k + 1] - knots.time[k];
+  return knotPosition(archive, k, k + 1, duration > 0 ? (time - knots.time[k]) / duration : 0);
+}
+
+/**
+ * Position between two knots.
+ * @param {Archive} archive
+ * @param {number} k
+ * @param {number} next
+ * @param {number} share of the way to the next
+ * @returns {Position}
+ */
+function knotPosition({ knots }, k, next, share) {
+  const between = (/** @type {Float64Array} */ values) =>
+    values[k] + share * (values[next] - values[k]);
+  return {
+    x: between(knots.x),
+    y: between(knots.y),
+    z: knots.z ? between(knots.z) : NaN,
+    time: between(knots.time),
+  };
+}
+
+/**
+ * Metres from a knot to the one before; in three dimensions where there are three.
+ * @param {Archive} archive
+ * @param {number} k
+ */
+function segmentLength({ knots }, k) {
+  const height = knots.z ? knots.z[k] - knots.z[k - 1] : 0;
+  return Math.hypot(knots.x[k] - knots.x[k - 1], knots.y[k] - knots.y[k - 1], height);
+}
+
+/**
+ * Speed on the segment that leads to a knot; NaN in gaps and for tracks without times.
+ * @param {Archive} archive
+ * @param {number} k
+ */
+export function segmentSpeed(archive, k) {
+  const { knots, tracks } = archive;
+  const duration = knots.time[k] - knots.time[k - 1];
+  if (!knots.joined[k] || !tracks.timed[knots.line[k]] || duration <= 0) return NaN;
+  return segmentLength(archive, k) / duration;
+}
+
+/**
+ * What a track does in a time range.
+ * @param {Archive} archive
+ * @param {number} track
+ * @param {[number, number]} range
+ * @returns {{distance: number, moving: number, fastest: number}} metres, seconds with a position,
+ *   and the largest speed in metres a second
+ */
+export function measureWalk(archive, track, range) {
+  const { knots, tracks } = archive;
+  const [from, to] = [tracks.offsets[track], tracks.offsets[track + 1]];
+  let [distance, moving, fastest] = [0, 0, 0];
+  for (let k = Math.max(lastAtMost(knots.time, range[0], from, to), from) + 1; k < to; k++) {
+    if (knots.time[k - 1] >= range[1]) break;
+    if (!knots.joined[k]) continue;
+
+    // The share of the segment in the range.
+    const duration = knots.time[k] - knots.time[k - 1];
+    const inside = Math.min(knots.time[k], range[1]) - Math.max(knots.time[k - 1], range[0]);
+    const share = duration > 0 ? inside / duration : 1;
+    if (share < 0) continue;
+    distance += share * segmentLength(archive, k);
+    moving += Math.max(inside, 0);
+    fastest = Math.max(fastest, segmentSpeed(archive, k) || 0);
+  }
+  return { distance, moving, fastest };
+}
+
+/**
+ * Distance from a place to the segment that leads to a knot.
+ * @param {Archive} archive
+ * @param {number} k
+ * @param {number} x
+ * @param {number} y
+ * @returns {{distance: number, share: number}} metres, and the share of the segment before the
+ *   nearest position
+ */
+export function toSegment({ knots }, k, x, y) {
+  const dx = knots.x[k] - knots.x[k - 1];
+  const dy = knots.y[k] - knots.y[k - 1];
+  const square = dx * dx + dy * dy;
+  const along = square ? ((x - knots.x[k - 1]) * dx + (y - knots.y[k - 1]) * dy) / square : 0;
+  const share = Math.min(Math.max(along, 0), 1);
+  const offX = knots.x[k - 1] + share * dx - x;
+  const offY = knots.y[k - 1] + share * dy - y;
+  return { distance: Math.hypot(offX, offY), share };
+}
+
+/**
+ * @typedef {object} Pass One time at which a track comes by a place.
+ * @property {number} track
+ * @property {number} time when it is nearest
+ * @property {number} distance metres, when it is nearest
+ * @property {number} speed metres a second; NaN without times
+ * @property {number} heading radians, counterclockwise from the east
+ */
+
+/**
+ * All passes of tracks near a place; knots that follow each other nearby are one pass.
+ * @param {Archive} archive
+ * @param {{x: number, y: number, radius: number}} place
+ * @param {number} [chosen] number of the only track to look at; all if missing
+ * @returns {Pass[]} in the order of tracks and times
+ */
+export function findPasses(archive, place, chosen) {
+  const { knots, tracks } = archive;
+  const from = chosen === undefined ? 0 : tracks.offsets[chosen];
+  const to = chosen === undefined ? knots.x.length : tracks.offsets[chosen + 1];
+  /** @type {Pass[]} */
+  const passes = [];
+  let last = -2;
+  for (let k = from + 1; k < to; k++) {
+    if (!knots.joined[k] || isFar(knots, k, place)) continue;
+    const { distance, share } = toSegment(archive, k, place.x, place.y);
+    if (distance > place.radius) continue;
+    const pass = {
+      track: knots.line[k],
+      time: knots.time[k - 1] + share * (knots.time[k] - knots.time[k - 1]),
+      distance,
+      speed: segmentSpeed(archive, k),
+      heading: Math.atan2(knots.y[k] - knots.y[k - 1], knots.x[k] - knots.x[k - 1]),
+    };
+    const isNew = last !== k - 1;
+    last = k;
+    if (isNew) passes.push(pass);
+    else if (distance < passes[passes.length - 1].distance) passes[passes.length - 1] = pass;
+  }
+  return passes;
+}
+
+/**
+ * Whether the box of a segment is outside of a place.
+ * @param {import("./scene.js").Knots} knots
+ * @param {number} k
+ * @param {{x: number, y: number, radius: number}} place
+ */
+function isFar({ x, y }, k, place) {
+  const { radius } = place;
+  if (x[k] < place.x - radius && x[k - 1] < place.x - radius) return true;
+  if (x[k] > place.x + radius && x[k - 1] > place.x + radius) return true;
+  if (y[k] < place.y - radius && y[k - 1] < place.y - radius) return true;
+  return y[k] > place.y + radius && y[k - 1] > place.y + radius;
+}

@@ -1,0 +1,42 @@
+"""Two archives side by side."""
+
+from selenium.webdriver import Keys
+
+
+def test_both_maps_are_drawn_and_named(pair_page):
+    assert pair_page.pixels("#0072b2", pane=0) > 500
+    assert pair_page.pixels("#0072b2", pane=1) > 500
+    names = pair_page.run(
+        "return [...document.querySelectorAll('.pane-name')].map((each) => each.textContent)"
+    )
+    assert names == ["A  a.gpsz", "B  b.gpsz"]
+
+
+def test_maps_move_together_and_show_the_same_pointer(pair_page):
+    before = [pair_page.picture(number=2 * pane) for pane in (0, 1)]
+    pair_page.drag(".pane", 0.5, 0.5, 80, 30)
+    after = [pair_page.picture(number=2 * pane) for pane in (0, 1)]
+    assert before[0] != after[0]
+    assert before[1] != after[1]
+
+    # The pointer over one map is shown on both.
+    pair_page.run("document.activeElement.blur()")
+    pair_page.point("#plot", 0.5, 0.5)
+    without = [pair_page.picture(number=2 * pane + 1) for pane in (0, 1)]
+    pair_page.point(".pane", 0.1, 0.1)
+    assert all(pair_page.picture(number=2 * pane + 1) != without[pane] for pane in (0, 1))
+
+
+def test_the_clock_moves_both(pair_page):
+    before = [pair_page.picture(number=2 * pane + 1) for pane in (0, 1)]
+    pair_page.press(Keys.END)
+    assert all(pair_page.picture(number=2 * pane + 1) != before[pane] for pane in (0, 1))
+
+
+def test_numbers_of_both_are_listed(pair_page):
+    captions = pair_page.run(
+        "return [...document.querySelectorAll('#track-facts caption')].map((c) => c.textContent)"
+    )
+    assert captions == ["a.gpsz", "b.gpsz"]
+    pair_page.press(Keys.ENTER)
+    assert pair_page.errors() == []
