@@ -4,7 +4,7 @@ from pathlib import Path
 
 import gpszip as package
 
-FILES = {"patrol.csv", "patrol.gpsz", "knots.csv", "map.geojson", "map.png"}
+FILES = {"patrol.csv", "patrol.gpsz", "knots.csv", "map.geojson", "map.png", "page.html"}
 
 
 def test_demo_writes_log_archive_map_and_picture(gpszip):
@@ -12,7 +12,10 @@ def test_demo_writes_log_archive_map_and_picture(gpszip):
     assert done.code == 0, done.err
     assert {path.name for path in Path("show").iterdir()} == FILES
     assert "4,000 points" in done.out
-    assert done.out.splitlines()[-1].startswith(f"look at {Path('show', 'map.png')}")
+    picture, page = done.out.splitlines()[-2:]
+    assert picture.startswith(f"look at {Path('show', 'map.png')}")
+    assert page.startswith(f"open {Path('show', 'page.html')}")
+    assert '"points":4000' in Path("show/page.html").read_text()
     assert len(package.read("show/patrol.csv")[0]) == 4000
     assert json.loads(Path("show/map.geojson").read_text())["features"]
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 #: Files that the demo writes; the picture needs the extra ``plot``.
-_FILES = ("patrol.csv", "patrol.gpsz", "knots.csv", "map.geojson", "map.png")
+_FILES = ("patrol.csv", "patrol.gpsz", "knots.csv", "map.geojson", "map.png", "page.html")
 
 #: RMSE in metres, that of the thesis's ground robot.
 _RMSE = 0.24
@@ -49,7 +49,7 @@ _RMSE = 0.24
 def command(settings: Settings, out: str, seed: int, points: int, force: bool) -> Outcome:
     """Generate the patrol of a robot, compress it within 24 cm, decompress it, and write its map.
 
-    With the extra 'plot', the map is drawn over the log, too.
+    A page shows it in a browser. With the extra 'plot', the map is drawn over the log, too.
     """
     from gpszip.cli.output import print_json, print_status
     from gpszip.cli.progress import progress_bar
@@ -67,6 +67,7 @@ def command(settings: Settings, out: str, seed: int, points: int, force: bool) -
         archive, report = compress(read_result.tracks, Options(rmse=_RMSE), progress=listener)
     archive.save(folder / "patrol.gpsz", force=True)
     _write_decompressed(archive, folder)
+    _write_page(archive, read_result, folder)
     missing = _draw(folder, read_result.tracks, archive)
 
     # Say what was written.
@@ -81,6 +82,7 @@ def command(settings: Settings, out: str, seed: int, points: int, force: bool) -
         print_status(missing)
     else:
         click.echo(f"look at {folder / 'map.png'}: the learned map over the points")
+    click.echo(f"open {folder / 'page.html'} in a browser: the robot drives, errors are charted")
     return Outcome.DONE
 
 
@@ -110,6 +112,17 @@ def _prepare_folder(folder: Path, *, force: bool) -> Path:
     for name in existing:
         (folder / name).unlink()
     return folder
+
+
+def _write_page(archive: Archive, read_result: ReadResult, folder: Path) -> None:
+    """Write the page of ``gpszip view``."""
+    from gpszip.view.generator import generator_name
+    from gpszip.view.page import build_page
+    from gpszip.view.scene import Subject, build_scene
+
+    subject = Subject(archive, "patrol.gpsz", read_result.tracks, read_result.bytes)
+    scene = build_scene([subject], title="patrol.gpsz", generator=generator_name())
+    (folder / "page.html").write_text(build_page(scene), encoding="utf-8")
 
 
 def _write_log(path: Path, points: int, seed: int) -> None:
