@@ -24,7 +24,8 @@ CHROMEDRIVER = shutil.which("chromedriver")
 
 FLAGS = (
     "--headless=new --no-sandbox --disable-dev-shm-usage --disable-gpu --no-first-run "
-    "--disable-background-networking --hide-scrollbars --window-size=1100,800"
+    "--disable-background-networking --disable-extensions --disable-component-update "
+    "--hide-scrollbars --window-size=1000,740"
 )
 
 #: Seconds since 1970 at which the fleet starts: 2023-11-14 22:13:20 UTC.

@@ -12,12 +12,12 @@ RADIUS_PIXELS = 9
 
 
 def pixels_per_metre(page):
-    """From how far the pointer's position changes over 200 pixels."""
+    """From how far the pointer's position changes over 100 pixels."""
     lats = []
-    for y in (0.5, 0.5 - 200 / page.run("return document.querySelector('.pane').clientHeight")):
+    for y in (0.5, 0.5 - 100 / page.run("return document.querySelector('.pane').clientHeight")):
         page.point(".pane", 0.5, y)
         lats.append(float(page.text("position").split("\u00b0")[0]))
-    return 200 / ((lats[1] - lats[0]) * 111_000)
+    return 100 / ((lats[1] - lats[0]) * 111_000)
 
 
 def go_to(page, number, seconds, zooms=0):

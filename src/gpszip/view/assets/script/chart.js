@@ -317,9 +317,14 @@ function drawSeries(app, plot, ctx, series, toY) {
   ctx.globalAlpha = series.colour === "raw" ? RAW_OPACITY : 1;
   ctx.lineWidth = 1.5;
   ctx.lineJoin = "round";
-  if (count > MAX_SINGLE) return drawExtremes(plot, ctx, series, ranges, domain, toY);
+  const isCloud = series.kind === "cloud";
+  if (count > MAX_SINGLE && !isCloud) return drawExtremes(plot, ctx, series, ranges, domain, toY);
+  if (isCloud || series.kind === "dots") {
+    const every = isCloud ? Math.ceil(count / MAX_SINGLE) : 1;
+    return drawDots(plot, ctx, series, ranges, domain, toY, every);
+  }
 
-  // Dots, or a path that is broken where a value is unknown.
+  // A path that is broken where a value is unknown.
   ctx.beginPath();
   series.parts.forEach(({ shift, from }, i) => {
     let isDown = false;
@@ -327,16 +332,35 @@ function drawSeries(app, plot, ctx, series, toY) {
       if (series.joined && !series.joined[k]) isDown = false;
       const x = timeToX(plot, domain, series.time[k] - shift);
       const y = toY(series.value[k]);
-      if (series.kind === "dots") ctx.rect(x - 1, y - 1, 2, 2);
-      else if (series.kind === "line") isDown = addPoint(ctx, x, y, isDown);
+      if (series.kind === "line") isDown = addPoint(ctx, x, y, isDown);
       else if (k > from) {
         isDown = addPoint(ctx, timeToX(plot, domain, series.time[k - 1] - shift), y, isDown);
         isDown = addPoint(ctx, x, y, isDown);
       }
     }
   });
-  if (series.kind === "dots") ctx.fill();
-  else ctx.stroke();
+  ctx.stroke();
+}
+
+/**
+ * Draw values as dots.
+ * @param {Plot} plot
+ * @param {CanvasRenderingContext2D} ctx
+ * @param {Series} series
+ * @param {[number, number][]} ranges
+ * @param {[number, number]} domain
+ * @param {(value: number) => number} toY
+ * @param {number} every draw one of so many values
+ */
+function drawDots(plot, ctx, series, ranges, domain, toY, every) {
+  ctx.beginPath();
+  series.parts.forEach(({ shift }, i) => {
+    for (let k = ranges[i][0]; k < ranges[i][1]; k += every) {
+      const x = timeToX(plot, domain, series.time[k] - shift);
+      ctx.rect(x - 1, toY(series.value[k]) - 1, 2, 2);
+    }
+  });
+  ctx.fill();
 }
 
 /**

@@ -12,7 +12,8 @@
  * @typedef {object} Series
  * @property {string} label
  * @property {"raw" | "clean" | "error" | "tracks" | "routes"} colour of the theme
- * @property {"dots" | "line" | "step"} kind a step has its value since the number before
+ * @property {"dots" | "cloud" | "line" | "step"} kind of a cloud some dots are enough; a step has its
+ *   value since the number before
  * @property {Float64Array} time
  * @property {Float64Array} value
  * @property {Uint8Array} [joined] 0 where no line leads to a number from the one before
@@ -99,7 +100,7 @@ function rawSeries(app, archive) {
         {
           label: "Raw",
           colour: "raw",
-          kind: "dots",
+          kind: "cloud",
           time: raw.time,
           value: cached(raw, () => sampleSpeeds(raw)),
           parts,
@@ -107,7 +108,7 @@ function rawSeries(app, archive) {
       ];
     case "altitude":
       return raw.z
-        ? [{ label: "Raw", colour: "raw", kind: "dots", time: raw.time, value: raw.z, parts }]
+        ? [{ label: "Raw", colour: "raw", kind: "cloud", time: raw.time, value: raw.z, parts }]
         : [];
     default:
       return [];
