@@ -19,6 +19,27 @@ def test_modules_stand_behind_those_that_they_import():
     assert join_modules(sources) == "const b = 1;\nfunction a() { b; }\na(b);\n"
 
 
+def test_comments_on_lines_of_their_own_stay_behind():
+    source = """/**
+ * The page.
+ */
+// Begin.
+  /** @type {number} */
+const a = "http://x"; // an address
+
+  // End.
+const b =
+  /** @type {number} */ (6) / 3;
+
+/** The end. */
+"""
+    joined = join_modules({"main.js": source})
+    assert (
+        joined
+        == 'const a = "http://x"; // an address\n\nconst b =\n  /** @type {number} */ (6) / 3;\n\n'
+    )
+
+
 @pytest.mark.parametrize(
     ("sources", "says"),
     [

@@ -22,6 +22,11 @@ _IMPORT = re.compile(r'^import \{[^}]*\} from "\./([\w-]+\.js)";\n', re.MULTILIN
 #: What a module exports: the word goes, the declaration stays.
 _EXPORT = re.compile(r"^export (?=(?:async function|function|class|const) )", re.MULTILINE)
 
+#: Comments on lines of their own: a third of the sources, of no use to a browser.
+_COMMENT = re.compile(
+    r"^[ \t]*(?:/\*\*(?:(?!\*/).)*\*/|//[^\n]*)[ \t]*\n", re.MULTILINE | re.DOTALL
+)
+
 #: What is left of ``import`` or ``export`` at the start of a line can't be joined.
 _OTHER = re.compile(r"^(?:import|export)\b.*", re.MULTILINE)
 
@@ -75,8 +80,8 @@ def join_modules(sources: Mapping[str, str], entry: str = ENTRY) -> str:
 
 
 def _strip(name: str, source: str) -> str:
-    """Source of a module without its imports, and without the word export."""
-    stripped = _EXPORT.sub("", _IMPORT.sub("", source))
+    """Source of a module without comments and imports, and without the word export."""
+    stripped = _EXPORT.sub("", _IMPORT.sub("", _COMMENT.sub("", source)))
     other = _OTHER.search(stripped)
     if other is not None:
         raise ValueError(f"{name}: can't join {other.group()!r}")
