@@ -10,9 +10,9 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from comparing.codecs import Codec
-from comparing.report import SHORTEST
-from comparing.results import Results
+from .codecs import Codec
+from .report import SHORTEST
+from .results import Results
 
 #: Color and marker of each codec: those of Okabe and Ito, which the colour-blind tell apart.
 STYLES = {

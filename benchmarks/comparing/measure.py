@@ -17,7 +17,8 @@ from peers.log import Log, read_log
 from peers.on_samples import decode_sz3
 
 import gpszip
-from comparing.logs import Case
+
+from .logs import Case
 
 #: Share of the bound by which rounding in the last digit of a float may exceed it.
 SLACK = 1e-9

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from comparing.codecs import Codec
-from comparing.results import Results
+from .codecs import Codec
+from .results import Results
 
 #: CPU seconds below this are measured too roughly for a rate.
 SHORTEST = 1e-3

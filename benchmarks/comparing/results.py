@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from comparing.codecs import Codec
-from comparing.logs import Case
+from .codecs import Codec
+from .logs import Case
 
 
 @dataclass
