@@ -1,14 +1,15 @@
 """Compare GPSZip with its peers: bytes over CPU seconds, at equal maximum error.
 
     python benchmarks/frontier.py [LOG:BOUND...] [--out docs/frontier.svg]
-                                  [--efforts 1,3,5,7,9] [--again CODEC]
+                                  [--efforts 1,3,5,7,9] [--limit 30] [--again CODEC]
 
 Logs are generated unless some are named, each with a bound in metres. Every measurement is a
 process of its own, and its file is decoded and checked at every sample. Prints a table of each log
 and from which speed down GPSZip's files are smallest, and draws a figure.
 
 Results are kept in a JSON file beside the figure: what is there is not measured again. ``--again``
-names codecs to measure anew, such as ``gpszip``, or ``all``.
+names codecs to measure anew, such as ``gpszip``, or ``all``. A level is left out if the one before
+it took more CPU seconds than ``--limit``.
 
 The peers need the extra ``benchmarks``: ``pip install '.[benchmarks]'``. A codec whose package is
 missing is named and left out.
@@ -39,7 +40,7 @@ def main() -> int:
         cases = named or generated_cases(folder)
         for case in cases:
             results.open_log(case)
-        failures = measure_missing(results, cases, codecs, write_tiny(folder))
+        failures = measure_missing(results, cases, codecs, write_tiny(folder), arguments.limit)
 
     # Tables, verdicts and the figure.
     results.keep_only([case.title for case in cases])
@@ -58,15 +59,25 @@ def parse() -> argparse.Namespace:
     parser.add_argument("logs", nargs="*", metavar="LOG:BOUND", help="a log and metres")
     parser.add_argument("--out", type=Path, default=Path("docs/frontier.svg"), help="the figure")
     parser.add_argument("--efforts", default="1,3,5,7,9", help="efforts of GPSZip")
+    parser.add_argument("--limit", type=float, default=30.0, help="CPU seconds of a level")
     parser.add_argument("--again", action="append", default=[], metavar="CODEC", help="or all")
     return parser.parse_args()
 
 
-def measure_missing(results: Results, cases: list[Case], codecs: list[Codec], tiny: Path) -> int:
+def measure_missing(
+    results: Results, cases: list[Case], codecs: list[Codec], tiny: Path, limit: float
+) -> int:
     """Measure what is not known; return the number of failures."""
     failures = 0
     for case, codec, level in missing(results, cases, codecs):
+        # The level before tells how long this one may take.
         name = f"{case.title}: {codec.name} {level}"
+        before = [result["seconds"] for _, result in results.points_of(case.title, codec)]
+        if max(before, default=0.0) > limit:
+            print(f"{name}: left out, the level before took {max(before):.0f} s", file=sys.stderr)
+            continue
+
+        # Measure it; what fails is named, and the others follow.
         try:
             result = measure(codec.name, level, tiny, case)
         except MeasurementError as error:

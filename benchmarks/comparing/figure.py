@@ -8,6 +8,7 @@ from pathlib import Path
 import matplotlib as mpl
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from .codecs import Codec
@@ -27,14 +28,23 @@ STYLES = {
     "zstd": ("#4D4D4D", ">"),
 }
 
-#: Inches of a panel; two of them are as wide as a page's text.
-PANEL = (3.6, 2.8)
+#: Inches of a panel with its margins; two of them are as wide as a page's text.
+PANEL = (3.7, 2.7)
+
+#: Inches to the left, right, bottom and top of the axes of a panel: numbers, names, and titles.
+MARGINS = (0.6, 0.92, 0.44, 0.42)
 
 #: Points of height of a label.
 LABEL_SIZE = 7.5
 
 #: Points between the baselines of two labels.
 LABEL_PITCH = 9.5
+
+#: Points between two efforts with labels of their own.
+EFFORT_PITCH = 9.0
+
+#: Points between the axes and the labels.
+LABEL_GAP = 12
 
 #: Speed that the vertical line shows, in points per second.
 GOAL = 1e6
@@ -54,33 +64,39 @@ SETTINGS = {
 
 def draw(results: Results, codecs: list[Codec], path: Path) -> None:
     """Draw the panels of all logs; the suffix of the path says in which format."""
+    columns = min(2, len(results.logs))
+    rows = math.ceil(len(results.logs) / columns)
     with mpl.rc_context(SETTINGS):
-        columns = min(2, len(results.logs))
-        rows = math.ceil(len(results.logs) / columns)
-        figure, axes = plt.subplots(
-            rows,
-            columns,
-            figsize=(PANEL[0] * columns, PANEL[1] * rows),
-            squeeze=False,
-            layout="constrained",
-        )
-        for panel, title in zip(axes.flat, results.logs, strict=False):
+        # One panel for each log.
+        figure = plt.figure(figsize=(PANEL[0] * columns, PANEL[1] * rows))
+        for number, title in enumerate(results.logs):
+            panel = add_panel(figure, divmod(number, columns), rows, columns)
             draw_panel(panel, results, title, codecs)
-        for panel in axes.flat[len(results.logs) :]:
-            panel.remove()
-        for row in axes:
-            row[0].set_ylabel("Compressed size (bytes)")
-        for panel in axes[-1]:
-            panel.set_xlabel("CPU time after start-up (s)")
-
-        # Labels are placed where the layout has put the panels.
-        figure.canvas.draw()
-        figure.set_layout_engine("none")
-        for panel, title in zip(axes.flat, results.logs, strict=False):
             place_labels(panel, results, title, codecs)
+            if number % columns == 0:
+                panel.set_ylabel("Compressed size (bytes)")
+            if number + columns >= len(results.logs):
+                panel.set_xlabel("CPU time after start-up (s)")
+
+        # No date, so that the same results give the same file.
         metadata = {"Date": None} if path.suffix == ".svg" else None
         figure.savefig(path, metadata=metadata, dpi=200)
         plt.close(figure)
+
+
+def add_panel(figure: Figure, place: tuple[int, int], rows: int, columns: int) -> Axes:
+    """Add the axes of the panel in a row and column, with its margins."""
+    row, column = place
+    left, right, low, high = MARGINS
+    width, height = PANEL[0] * columns, PANEL[1] * rows
+    return figure.add_axes(
+        (
+            (column * PANEL[0] + left) / width,
+            ((rows - 1 - row) * PANEL[1] + low) / height,
+            (PANEL[0] - left - right) / width,
+            (PANEL[1] - low - high) / height,
+        )
+    )
 
 
 def draw_panel(panel: Axes, results: Results, title: str, codecs: list[Codec]) -> None:
@@ -89,7 +105,7 @@ def draw_panel(panel: Axes, results: Results, title: str, codecs: list[Codec]) -
     log = results.logs[title]
     panel.set(xscale="log", yscale="log")
     facts = f"{log['points']:,} points, {log['tracks']} track{'s' * (log['tracks'] > 1)}, "
-    panel.set_title(title, loc="left", fontweight="bold", fontsize=8.5, pad=14)
+    panel.set_title(title, loc="left", fontweight="bold", fontsize=8.5, pad=13)
     panel.text(0, 1.02, f"{facts}within {log['bound']:g} m", transform=panel.transAxes, va="bottom")
 
     # The codecs.
@@ -108,11 +124,9 @@ def draw_panel(panel: Axes, results: Results, title: str, codecs: list[Codec]) -
             clip_on=False,
         )
 
-    # Space for labels on the right, and few ticks.
-    left, right = panel.get_xlim()
-    panel.set_xlim(left, right * (right / left) ** 0.42)
+    # Space for the efforts below the points and for the speed below them, and few ticks.
     low, high = panel.get_ylim()
-    panel.set_ylim(low / (high / low) ** 0.12, high)
+    panel.set_ylim(low / (high / low) ** 0.22, high)
     draw_goal(panel, log["points"] / GOAL)
     panel.xaxis.set_major_locator(LogLocator(subs=(1.0,)))
     panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -155,7 +169,7 @@ def place_labels(panel: Axes, results: Results, title: str, codecs: list[Codec])
 
     # Names, with a thin line to their points.
     heights = spread([height for height, _, _ in ends])
-    right = panel.transAxes.transform((1.0, 0))[0] * to_page - 52
+    right = panel.transAxes.transform((1.0, 0))[0] * to_page + LABEL_GAP
     for (_, place, codec), height in zip(ends, heights, strict=True):
         at = panel.transData.inverted().transform((right / to_page, height / to_page))
         panel.annotate(
@@ -167,6 +181,7 @@ def place_labels(panel: Axes, results: Results, title: str, codecs: list[Codec])
             fontweight="bold" if codec.name == "gpszip" else "normal",
             color=STYLES[codec.name][0],
             va="center",
+            annotation_clip=False,
             arrowprops={
                 "arrowstyle": "-",
                 "linewidth": 0.4,
@@ -176,12 +191,21 @@ def place_labels(panel: Axes, results: Results, title: str, codecs: list[Codec])
             },
         )
 
-    # Efforts.
+    # Efforts; those at one place share a label, and the last of a place is where it stands.
+    groups: list[tuple[list[str], tuple[float, float]]] = []
     for level, result in results.points_of(title, codecs[0]):
+        place = (max(result["seconds"], SHORTEST), result["bytes"])
+        if groups:
+            distance = math.dist(*panel.transData.transform([groups[-1][1], place])) * to_page
+            if distance < EFFORT_PITCH:
+                groups[-1] = ([*groups[-1][0], level], place)
+                continue
+        groups.append(([level], place))
+    for levels, place in groups:
         panel.annotate(
-            level,
-            (max(result["seconds"], SHORTEST), result["bytes"]),
-            xytext=(0, -9),
+            ", ".join(levels),
+            place,
+            xytext=(0, -10),
             textcoords="offset points",
             fontsize=6.5,
             ha="center",

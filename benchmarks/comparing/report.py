@@ -20,7 +20,8 @@ def rate(points: int, result: dict[str, Any]) -> float:
 def write_table(results: Results, title: str, codecs: list[Codec]) -> Iterator[str]:
     """Lines of a Markdown table of one log."""
     log = results.logs[title]
-    yield f"{title}: {log['points']:,} points, {log['tracks']:,} tracks, {log['bound']:g} m"
+    tracks = f"{log['tracks']:,} track{'s' * (log['tracks'] > 1)}"
+    yield f"{title}: {log['points']:,} points, {tracks}, {log['bound']:g} m"
     yield ""
     yield "| codec | bytes | by coder | CPU s | start-up | points/s | maximum error |"
     yield "|---|---|---|---|---|---|---|"
