@@ -1,0 +1,1 @@
+"""Comparison of GPSZip with its peers: logs, measurements, tables and figures."""
