@@ -216,6 +216,7 @@ def _add_scale_bar(figure: Figure, page: Page, metres_per_mm: float) -> None:
     """Draw a bar of a round length below the map at right, with its length at its left."""
     from matplotlib.lines import Line2D
 
+    # The bar ends at the right margin, as long as a round length is on the page.
     length = round_length(page.width * _SCALE_BAR * metres_per_mm)
     right = page.width - _MARGIN
     left = right - length / metres_per_mm
@@ -232,6 +233,8 @@ def _add_scale_bar(figure: Figure, page: Page, metres_per_mm: float) -> None:
             gid="scale-bar",
         )
     )
+
+    # Its length, 1.2 mm to the left of it.
     figure.text(
         *_fractions(figure, left - 1.2, _ROW_MIDDLE), format_metres(length), ha="right", va="center"
     )

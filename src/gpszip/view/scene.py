@@ -171,9 +171,12 @@ def _scene(
 
 def _empty_entry(name: str, dimension: int) -> dict[str, Any]:
     """What stands for an archive where there is none: no map, no walks, no log."""
+    # Blocks and lines of nothing.
     nothing = np.zeros((0, max(dimension, 2)))
     no_lines = pack_lines(nothing, np.zeros(1, np.int64), 1.0)
     none = pack_numbers([])
+
+    # All that the page reads of an archive; callers replace what they have.
     return {
         "name": name,
         "facts": [],
