@@ -174,7 +174,7 @@ def test_an_archive_is_a_network(gpszip, drive, tmp_path):
     ("arguments", "code", "words"),
     [
         (["-o", "routes.geojson"], 2, "--network"),
-        (["--network", "streets.geojson"], 2, "no output was named"),
+        (["-", "--network", "streets.geojson"], 2, "no output was named"),
         (
             ["--network", "streets.geojson", "-o", "routes.gpx"],
             1,

@@ -140,7 +140,6 @@ def test_rounds_under_a_maximum_begin_with_the_walks_of_others(track):
 def test_few_rounds_on_a_dense_log_count_all_samples_beyond_the_maximum(track):
     # About 25 samples for each slot, most of which are limited only where they miss the maximum.
     time_grid = build_slots(track)
-    assert is_dense(len(time_grid.times), len(time_grid.time_steps))
     plan = Plan(target=0.9, rounds=6, maximum=2.3)
     outcome = fit(time_grid, 1, plan.hurried())
     too_far = track.times[errors(track, outcome.walks) > 2.3]
@@ -158,7 +157,9 @@ def test_few_rounds_on_a_dense_log_keep_the_target(track):
 
 
 def test_a_log_with_a_slot_for_each_sample_is_not_dense():
-    assert not is_dense(100, 100)
+    assert is_dense(100_000, 20_000)
+    assert not is_dense(100_000, 40_000)  # few samples for each slot
+    assert not is_dense(2_500, 100)  # a small log
 
 
 def test_the_slope_of_the_cost_is_the_price(track):

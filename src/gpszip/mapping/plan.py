@@ -20,6 +20,9 @@ LOCAL_MAX_ERROR_AIM = 1 - 1e-6
 #: Samples for each slot from which on a log is dense.
 _DENSE_SAMPLES = 4
 
+#: Samples below which all rounds together take less than .1 s: few rounds would save nothing.
+_MIN_DENSE_LOG = 20_000
+
 #: Rounds on a dense log where speed counts: of a patrol of a million samples, 12 took 0.3 % less.
 _FEW_ROUNDS = 3
 #: Rounds after which any walks within the target do on such a log.
@@ -109,5 +112,5 @@ class Plan:
 
 
 def is_dense(samples: int, slots: int) -> bool:
-    """Whether a log has several samples for each slot of its time grid."""
-    return samples >= _DENSE_SAMPLES * slots
+    """Whether a log is large and has several samples for each slot of its time grid."""
+    return samples >= max(_DENSE_SAMPLES * slots, _MIN_DENSE_LOG)
