@@ -17,6 +17,7 @@ from gpszip.codec.kernels.adaptive import code_bit
 from gpszip.codec.kernels.new_edge_coder import (
     class_weights,
     code_candidate,
+    count_classes,
     is_cheap,
     is_search_limited,
     learn_candidate,
@@ -157,7 +158,7 @@ def _best_rank(
     """
     # A target has to save more than the bits of saying that there is one.
     weights = class_weights(model, AMONG_TARGETS)
-    total, counts = sum_weights(classes, weights), model.bit_counts
+    total, counts = sum_weights(count_classes(classes), weights), model.bit_counts
     zeros, ones = counts[BIT_TARGET, 0], counts[BIT_TARGET, 1]
     most_saved = np.log2(np.float64(zeros + ones) / np.float64(ones))
 
@@ -236,11 +237,11 @@ def code_target(
     if not encodes:
         count = _find_nearest(model, u, nearest, parents)
     classes = _classify(model, nearest, count)
-    weights = class_weights(model, AMONG_TARGETS)
-    total = sum_weights(classes, weights)
+    counts, weights = count_classes(classes), class_weights(model, AMONG_TARGETS)
+    total = sum_weights(counts, weights)
     choice = code_candidate(coder, classes, weights, total, rank - 1)
-    cheap = is_cheap(weights[classes[choice]], total)
-    learn_candidate(model, AMONG_TARGETS, classes, choice, cheap)
+    chosen = np.int64(classes[choice])
+    learn_candidate(model, AMONG_TARGETS, counts, chosen, is_cheap(weights[chosen], total))
 
     # The node is likelier to be a target again.
     rank = choice + 1
