@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gpszip.mapping import initial_map, placement
 from gpszip.mapping.initial_map import (
@@ -13,6 +15,7 @@ from gpszip.mapping.initial_map import (
     walks_of,
 )
 from gpszip.mapping.kernels.assign import Prices
+from gpszip.mapping.kernels.conjugate_gradients import improve_positions
 from gpszip.mapping.plan import Plan
 from gpszip.mapping.time_grid import build_time_grid
 from gpszip.model import QuantisationGrid, Track
@@ -134,6 +137,57 @@ def test_few_nodes_are_placed_as_many_are(seed, monkeypatch):
     dense, sparse = place(nodes), place(0)
     for one, other in zip(dense, sparse, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_many_nodes_are_placed_step_by_step_as_few_are_at_once(seed, monkeypatch):
+    time_grid, slot_nodes, positions = random_knots(seed, 30, dimension=1 + seed % 3)
+    segments = list_segments(time_grid, slot_nodes, 30)
+    direct = solve_positions(*normal_equations(segments, positions))
+
+    monkeypatch.setattr(initial_map, "MAX_DENSE_NODES", 0)
+    monkeypatch.setattr(initial_map, "_MAX_DIRECT_NODES", 0)
+    segments = list_segments(time_grid, slot_nodes, 30)
+    start = positions + np.random.default_rng(seed).normal(0, 5, positions.shape)
+    unchanged = start.copy()
+    stepwise = solve_positions(*normal_equations(segments, positions), start)
+    np.testing.assert_allclose(stepwise, direct, atol=0.02)
+    np.testing.assert_array_equal(start, unchanged)
+    assert abs(stepwise - start).max() > 1
+
+
+def random_system(nodes, seed):
+    """A sparse symmetric positive definite matrix, and a right-hand side."""
+    rng = np.random.default_rng(seed)
+    factor = np.where(rng.random((nodes, nodes)) < 0.2, rng.normal(size=(nodes, nodes)), 0.0)
+    matrix = factor @ factor.T + np.diag(rng.uniform(0.5, 2.0, nodes))
+    return matrix, rng.normal(0, 9, (nodes, 2))
+
+
+@given(nodes=st.integers(1, 25), seed=st.integers(0, 999))
+def test_steps_lead_to_the_solution_and_stop_near_it(nodes, seed):
+    matrix, right = random_system(nodes, seed)
+    rows, columns = np.nonzero(matrix)
+    offsets = np.searchsorted(rows, np.arange(nodes + 1)).astype(np.int32)
+    system = offsets, columns.astype(np.int32), matrix[rows, columns], right
+
+    def improve(start, tolerance, steps):
+        positions = start.copy()
+        improve_positions(*system, positions, tolerance, steps)
+        return positions
+
+    # In exact arithmetic, as many steps as there are nodes lead to the solution.
+    solution = np.linalg.solve(matrix, right)
+    start = np.zeros((nodes, 2))
+    np.testing.assert_allclose(improve(start, 1e-10, 4 * nodes), solution, atol=1e-5)
+
+    # Each step brings x'Kx - 2 x'r down, and none is taken within the tolerance.
+    def energy(x):
+        return np.sum(x * (matrix @ x) - 2 * x * right)
+
+    energies = [energy(improve(start, 1e-10, steps)) for steps in range(nodes + 1)]
+    assert (np.diff(energies) <= 1e-6).all()
+    np.testing.assert_array_equal(improve(solution + 1e-5, 1e-2, 9), solution + 1e-5)
 
 
 def test_walks_have_the_knots_of_each_track_and_gaps_between_pieces():

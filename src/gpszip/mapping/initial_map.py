@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gpszip.codec.numbering import number_by_visit
 from gpszip.codec.prior import Prior
+from gpszip.mapping.kernels.conjugate_gradients import improve_positions
 from gpszip.mapping.kernels.grid_moments import segment_costs, segment_moments
 from gpszip.mapping.kernels.initial_map import (
     NODE_COUNT,
@@ -49,6 +50,15 @@ MAX_DENSE_NODES = 64
 
 #: Stiffness that holds every node where it is, so that a node without samples stays.
 _ANCHOR = 1e-5
+
+#: Nodes up to which the M-step is solved at once: below, it takes less than 5 ms. Of 6,000 nodes
+#: with 12 neighbours each, it takes 1.2 s, and steps towards the solution 2 ms.
+_MAX_DIRECT_NODES = 1000
+#: Grid steps by which a node may miss its optimum between its neighbours.
+_TOLERANCE = 1e-3
+#: Largest number of steps: most maps take 10 to 30; those that take more hold nodes that hardly any
+#: sample binds.
+_MAX_STEPS = 100
 
 #: Passes over all nodes when their positions are rounded.
 _ROUNDING_SWEEPS = 4
@@ -213,15 +223,22 @@ def free_equations(
     return free if isinstance(free, np.ndarray) else free.tocsr(), free_right
 
 
-def solve_positions(stiffness: Matrix, right: NDArray[np.float64]) -> NDArray[np.float64]:
+def solve_positions(
+    stiffness: Matrix, right: NDArray[np.float64], start: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
     """Solve the M-step: the positions of all nodes at once.
 
-    It is one sparse symmetric positive definite system.
+    It is one sparse symmetric positive definite system. With many nodes, it is solved from the
+    positions ``start`` on, if these are given, to a thousandth of a grid step.
     """
     if stiffness.shape[0] == 0:
         return right
     if isinstance(stiffness, np.ndarray):
         return np.asarray(np.linalg.solve(stiffness, right), np.float64)
+    if start is not None and len(start) > _MAX_DIRECT_NODES:
+        solved = start.copy()
+        improve_positions(*_compress_rows(stiffness), right, solved, _TOLERANCE, _MAX_STEPS)
+        return solved
 
     from scipy.sparse.linalg import splu
 

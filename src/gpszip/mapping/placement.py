@@ -32,10 +32,8 @@ def place_nodes(
     segments: Segments, positions: NDArray[np.float64], fixed: int = 0
 ) -> NDArray[np.float64]:
     """Place all nodes but the first ``fixed`` at least squared error (M-step)."""
-    equations = normal_equations(segments, positions)
-    return np.concatenate(
-        [positions[:fixed], solve_positions(*free_equations(*equations, positions, fixed))]
-    )
+    equations = free_equations(*normal_equations(segments, positions), positions, fixed)
+    return np.concatenate([positions[:fixed], solve_positions(*equations, positions[fixed:])])
 
 
 def place_on_grid(
