@@ -68,6 +68,7 @@ def _compress() -> None:
     from gpszip.archive import open_archive
     from gpszip.mapping.assignment import enlarge_map
     from gpszip.mapping.initial_map import allocate_working_map
+    from gpszip.mapping.kernels.conjugate_gradients import improve_positions
     from gpszip.mapping.kernels.extreme_samples import mark_extreme_samples
     from gpszip.model.merge_options import MergeOptions
     from gpszip.pipeline.compress import compress
@@ -83,6 +84,9 @@ def _compress() -> None:
 
     # Maps of small logs never grow, and this one is not dense.
     enlarge_map(allocate_working_map(2, 4, 4, 1.0), 4)
+    # Only maps of many nodes are placed by steps, and large dense logs thinned.
+    row, one = np.array([0, 1], np.int32), np.ones(1)
+    improve_positions(row, row[:1], one, np.zeros((1, 2)), np.zeros((1, 2)), 1e-3, 1)
     mark_extreme_samples(
         np.arange(3.0), np.zeros((3, 2)), np.array([0, 3]), np.eye(2), 1, np.zeros(3, np.bool_)
     )
