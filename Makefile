@@ -53,7 +53,7 @@ imports: $(VENV)/.dev
 
 # The script of the page: types, rules and layout. Needs npm, which fetches the tools.
 page:
-	@if npm install --silent --no-save --prefix $(NODE) typescript@5 eslint@9 prettier@3 >/dev/null 2>&1; then \
+	@if npm install --silent --no-save --prefix $(NODE) typescript@5.9.3 eslint@9.39.5 prettier@3.10.1 >/dev/null 2>&1; then \
 		$(NODE)/node_modules/.bin/tsc --project . && \
 		$(NODE)/node_modules/.bin/eslint $(SCRIPT) && \
 		$(NODE)/node_modules/.bin/prettier --print-width 100 --check $(SCRIPT) $(SCRIPT)/../page.css; \

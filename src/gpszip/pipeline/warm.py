@@ -82,9 +82,8 @@ def _compress() -> None:
         compress(_loops(), options, map=decoded)
     merge([decoded, archive], MergeOptions(same_id="prefix"), names=["a", "b"])
 
-    # Maps of small logs never grow, and this one is not dense.
+    # Maps of small logs never grow, their nodes are placed at once, and this one is not dense.
     enlarge_map(allocate_working_map(2, 4, 4, 1.0), 4)
-    # Only maps of many nodes are placed by steps, and large dense logs thinned.
     row, one = np.array([0, 1], np.int32), np.ones(1)
     improve_positions(row, row[:1], one, np.zeros((1, 2)), np.zeros((1, 2)), 1e-3, 1)
     mark_extreme_samples(
