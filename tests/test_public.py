@@ -26,7 +26,7 @@ FOREIGN = {
 }
 
 #: Aliases of arguments, which the signatures spell out for mypy and the docstrings for people.
-ALIASES = {"ArchiveSource", "LogSource", "Logs", "Times"}
+ALIASES = {"ArchiveSource", "Archives", "LogSource", "Logs", "Times"}
 
 #: What an archive is made of inside; these attributes serve the package itself.
 INTERNAL = {"contents", "prior", "grid_walks", "index"}

@@ -100,7 +100,7 @@ def test_two_archives(gpszip, archive, tmp_path):
         ("a.gpsz a.gpsz a.gpsz", 2, "one archive or two, not 3"),
         ("bus.gpsz --match", 2, "--match needs a log and roads; give --raw and --network, too"),
         ("bus.gpsz --open -o -", 2, "--open needs a file"),
-        ("bus.gpsz --raw deep.csv", 2, "other coordinates than the archive"),
+        ("bus.gpsz --raw deep.csv", 2, "the log is in x, y, z, the archive in x, y"),
         ("bus.gpsz -o bus.csv", 1, "exists already"),
         ("nowhere.gpsz", 1, "no such file"),
     ],
@@ -116,7 +116,7 @@ def test_mistakes(gpszip, archive, tmp_path, arguments, code, says):
 def test_python_writes_the_same_page(gpszip, archive, tmp_path):
     opened = package.open(tmp_path / archive)
     track = package.Track("bus", [0, 10, 20], [[0, 0], [100, 3], [100, 50]])
-    size = package.write_page(opened, tmp_path / "page.html", tracks=track, title="A & B")
+    size = package.write_page(opened, tmp_path / "page.html", raw=track, title="A & B")
     page = (tmp_path / "page.html").read_text()
     assert len(page.encode()) == size
     assert "<title>A &amp; B</title>" in page

@@ -37,7 +37,7 @@ def test_existing_file_stays_without_force(tmp_path):
     path = tmp_path / "walks.gpsz"
     path.write_text("mine")
     path.chmod(0o640)
-    with pytest.raises(OutputError, match="exists already; --force"):
+    with pytest.raises(OutputError, match="exists already; replace it with --force"):
         save(CONTENTS, path)
     assert path.read_text() == "mine"
     save(CONTENTS, path, force=True)

@@ -11,7 +11,7 @@ from gpszip.drawing.map_figure import (
     round_length,
 )
 from gpszip.drawing.map_lines import MapLines, hidden_planes, lines_legend, samples_legend
-from gpszip.drawing.style import Page, style
+from gpszip.drawing.style import Layout, style
 from gpszip.model import Plane
 
 #: Millimetres in an inch.
@@ -21,12 +21,12 @@ INCH = 25.4
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3}
 
 
-PAGE = Page()
+PAGE = Layout()
 
 
-def drawn(positions, page=PAGE):
+def drawn(positions, layout=PAGE):
     with style():
-        return map_figure([np.array(each, float) for each in positions], page)
+        return map_figure([np.array(each, float) for each in positions], layout)
 
 
 def millimetres_of(figure, axes):
@@ -47,7 +47,7 @@ coordinates = st.floats(-1e6, 1e6, allow_subnormal=False)
     st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=9), st.floats(60.0, 300.0)
 )
 def test_a_map_shows_all_positions_in_one_scale(positions, width):
-    figure, axes = drawn([positions], Page(width))
+    figure, axes = drawn([positions], Layout(width))
     assert figure.get_figwidth() * INCH == pytest.approx(width)
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     points = np.array(positions)
@@ -92,7 +92,7 @@ def test_lengths_have_units_that_suit_them(length, text):
 
 def test_a_title_takes_space_above():
     plain, _ = drawn([[[0, 0], [4, 1]]])
-    titled, _ = drawn([[[0, 0], [4, 1]]], Page(title="72,273 points"))
+    titled, _ = drawn([[[0, 0], [4, 1]]], Layout(title="72,273 points"))
     assert titled.get_figheight() > plain.get_figheight()
     assert "72,273 points" in [text.get_text() for text in titled.texts]
 
@@ -112,13 +112,13 @@ def test_nothing_at_all_has_axes_too():
     ],
 )
 def test_texts_below_the_map_do_not_overlap(width, points, traversals):
-    page = Page(width)
-    figure, _ = drawn([[[0, 0], [400_000, 90_000]]], page)
+    layout = Layout(width)
+    figure, _ = drawn([[[0, 0], [400_000, 90_000]]], layout)
     lines = MapLines([np.zeros((2, 2))], np.array([traversals]))
     planes = Plane(tuple((0, 60 * k) for k in range(30)))
     with style():
-        add_legend(figure, page, [*samples_legend([np.zeros((points, 2))]), *lines_legend(lines)])
-        add_remark(figure, page, hidden_planes(planes))
+        add_legend(figure, layout, [*samples_legend([np.zeros((points, 2))]), *lines_legend(lines)])
+        add_remark(figure, layout, hidden_planes(planes))
         figure.draw_without_rendering()
         boxes = [item.get_window_extent() for item in (*figure.legends, *figure.texts)]
         boxes += [item.get_window_extent() for item in figure.findobj(lambda item: item.get_gid())]

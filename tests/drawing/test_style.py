@@ -3,7 +3,7 @@ import builtins
 import matplotlib
 import pytest
 
-from gpszip.drawing.style import Page, new_figure, picture_format, save_figure, style
+from gpszip.drawing.style import Layout, new_figure, picture_format, save_figure, style
 from gpszip.errors import MissingExtraError, OptionError, OutputError
 
 
@@ -60,7 +60,7 @@ def test_the_suffix_chooses_the_format():
 @pytest.mark.parametrize("width", [0.0, -5.0, 59.0, 2000.0, float("nan"), float("inf")])
 def test_widths_that_no_picture_has_are_refused(width):
     with pytest.raises(OptionError, match="from 60 to 1000 mm"):
-        Page(width)
+        Layout(width)
 
 
 @pytest.mark.parametrize("dpi", [0, 49, 1201])

@@ -7,8 +7,8 @@ import gpszip
 from gpszip.errors import OptionError
 from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.view.facts import bytes_by_part
-from gpszip.view.on_plane import put_on_plane
-from gpszip.view.scene import Subject, build_scene, log_scene, map_scene
+from gpszip.view.inputs import put_on_plane
+from gpszip.view.scene import ShownArchive, build_scene, log_scene, map_scene
 from view.unpacking import unpack, unpack_lines
 
 START = 1_700_000_000.0
@@ -31,8 +31,7 @@ def gps_track(id="lap", north=0.0):
 
 
 def scene_of(archive, tracks=(), **options):
-    subject = Subject(archive, "a.gpsz", tracks, 1000)
-    return build_scene([subject], title="a", generator="test", **options)
+    return build_scene([ShownArchive(archive, "a.gpsz", tracks, 1000)], title="a", **options)
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +95,7 @@ def test_samples_stand_beside_their_errors(archive):
 
 def test_long_logs_are_thinned_to_their_largest_errors(archive):
     track = gps_track()
-    (shown,) = scene_of(archive, [track], most=50)["archives"]
+    (shown,) = scene_of(archive, [track], max_samples=50)["archives"]
     raw = shown["raw"]
     assert (raw["total"], raw["drawn"]) == (300, 50)
     assert unpack(raw["error"]).max() == pytest.approx(shown["max_error"], abs=0.01)
@@ -105,13 +104,26 @@ def test_long_logs_are_thinned_to_their_largest_errors(archive):
 def test_a_second_archive_lies_on_the_plane_of_the_first(archive):
     other = gpszip.compress(gps_track(north=0.01), rmse=4.0, effort=1)
     assert other.grid.plane != archive.grid.plane
-    subjects = [Subject(archive, "a", [gps_track()]), Subject(other, "b", [gps_track(north=0.01)])]
-    first, second = build_scene(subjects, title="a", generator="t")["archives"]
+    subjects = [
+        ShownArchive(archive, "a", [gps_track()]),
+        ShownArchive(other, "b", [gps_track(north=0.01)]),
+    ]
+    first, second = build_scene(subjects, title="a")["archives"]
 
     # A hundredth of a degree further north.
     for part in ("nodes", "raw"):
         shift = np.mean(unpack(second[part]["y"])) - np.mean(unpack(first[part]["y"]))
         assert shift == pytest.approx(1112.6, abs=20.0)
+
+
+def test_archives_far_apart_are_refused(archive):
+    times, positions = laps()
+    lat, lon = -33.9 + positions[:, 1] / 111_000, 151.2 + positions[:, 0] / 92_000
+    plane = choose_plane(lat, lon)
+    track = gpszip.Track("lap", times, to_plane(lat, lon, plane), plane=plane)
+    sydney = gpszip.compress(track, rmse=4.0, effort=1)
+    with pytest.raises(OptionError, match="sydney lies more than 400 km from the map"):
+        build_scene([ShownArchive(archive, "b"), ShownArchive(sydney, "sydney")], title="a")
 
 
 def test_edges_off_a_known_map_are_shown():
@@ -185,15 +197,15 @@ def test_bytes_of_the_parts_sum_up_to_the_archive(archive):
 
 
 def test_maps_and_logs_have_scenes_of_their_own(archive):
-    shown = map_scene(archive.road_map, title="m", generator="t")["archives"][0]
+    shown = map_scene(archive.road_map, title="m")["archives"][0]
     assert len(unpack(shown["nodes"]["x"])) == len(archive.road_map.nodes)
     assert shown["bytes"] is None
-    shown = log_scene([gps_track()], title="l", generator="t")["archives"][0]
+    shown = log_scene([gps_track()], title="l")["archives"][0]
     assert unpack(shown["raw"]["time"])[-1] == pytest.approx(START + 299, abs=1e-3)
     assert unpack(shown["knots"]["node"]).tolist() == []
 
 
 def test_tracks_with_other_coordinates_are_refused(archive):
     times, positions = laps(20)
-    with pytest.raises(OptionError, match="'b' has other coordinates"):
+    with pytest.raises(OptionError, match="the log is in x, y, the archive in lat, lon"):
         put_on_plane([gpszip.Track("b", times, positions)], archive)

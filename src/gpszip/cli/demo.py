@@ -116,13 +116,9 @@ def _prepare_folder(folder: Path, *, force: bool) -> Path:
 
 def _write_page(archive: Archive, read_result: ReadResult, folder: Path) -> None:
     """Write the page of ``gpszip view``."""
-    from gpszip.view.generator import generator_name
-    from gpszip.view.page import build_page
-    from gpszip.view.scene import Subject, build_scene
+    from gpszip.view.write import write_page
 
-    subject = Subject(archive, "patrol.gpsz", read_result.tracks, read_result.bytes)
-    scene = build_scene([subject], title="patrol.gpsz", generator=generator_name())
-    (folder / "page.html").write_text(build_page(scene), encoding="utf-8")
+    write_page(archive, folder / "page.html", raw=read_result, title="patrol.gpsz", force=True)
 
 
 def _write_log(path: Path, points: int, seed: int) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpszip.cli.completing import complete_files
 from gpszip.cli.options import (
     Settings,
     common_options,
@@ -14,14 +15,12 @@ from gpszip.cli.options import (
     map_option,
     output_option,
     quiet,
-    time_options,
-    time_order_options,
 )
 from gpszip.cli.outcome import Outcome
+from gpszip.cli.raw_log import CommandWithLogs, raw_log_options, read_raw_log
 from gpszip.cli.units import Quantity
 
 if TYPE_CHECKING:
-    from gpszip.archive import Archive
     from gpszip.model import ReadResult
 
 __all__ = ["command"]
@@ -48,8 +47,16 @@ heat        the clean map, coloured by traversals
 """
 
 
-@click.command("plot", help=_HELP, short_help="Draw pictures of archives for papers.")
-@click.argument("archives", metavar="ARCHIVE...", nargs=-1, required=True)
+@click.command(
+    "plot", cls=CommandWithLogs, help=_HELP, short_help="Draw pictures of archives for papers."
+)
+@click.argument(
+    "archives",
+    metavar="ARCHIVE...",
+    nargs=-1,
+    required=True,
+    shell_complete=complete_files(".gpsz"),
+)
 @output_option("map.pdf")
 @click.option(
     "--kind",
@@ -58,12 +65,7 @@ heat        the clean map, coloured by traversals
     show_default=True,
     help="What to draw, as listed above.",
 )
-@click.option(
-    "--raw",
-    metavar="LOG",
-    multiple=True,
-    help="Log that was compressed, to show or to measure; may be given several times.",
-)
+@raw_log_options
 @map_option
 @click.option(
     "--width",
@@ -82,11 +84,6 @@ heat        the clean map, coloured by traversals
 )
 @click.option("--title", metavar="TEXT", help="Line above the picture.")
 @click.option("--no-legend", is_flag=True, help="Don't explain colours, widths and numbers.")
-@click.option(
-    "--columns", metavar="ROLES", help="Which column of LOG is what: t=when,x=east,y=north."
-)
-@time_options
-@time_order_options
 @quiet
 @force
 @common_options
@@ -112,7 +109,7 @@ def command(
 
     from gpszip.cli.archives import open_archive_file
     from gpszip.cli.output import STDOUT, check_output
-    from gpszip.drawing.style import Page, picture_format, save_figure, size_in_mm
+    from gpszip.drawing.style import Layout, picture_format, save_figure, size_in_mm
     from gpszip.io.storage.sink import atomic_write, to_stdout
     from gpszip.view.plot import draw, find_kind
 
@@ -120,27 +117,20 @@ def command(
     file_format = picture_format(target)
     check_output(target, force=force, binary=file_format != "svg")
     find_kind(kind, len(archives), has_log=bool(raw))
-    page = Page(width, title, legend=not no_legend)
+    layout = Layout(width, title, legend=not no_legend)
 
     # Read, and draw.
     with ExitStack() as stack:
         opened = [stack.enter_context(open_archive_file(name, map_name)) for name in archives]
-        read_result = _read_log(raw, opened[0], reading)
+        read_result = read_raw_log(raw, opened[0], reading) if raw else None
         tracks = () if read_result is None else read_result.tracks
         names = [Path(name).stem for name in archives]
-        figure = draw(kind, opened, names, tracks, page)
+        figure = draw(kind, opened, names, tracks, layout)
     with to_stdout(f".{file_format}") if target == STDOUT else atomic_write(target) as path:
         save_figure(figure, path, file_format, dpi)
     if settings.json or not quiet:
         _print_result(target, kind, size_in_mm(figure), read_result, settings)
     return Outcome.DONE if read_result is None or read_result.complete else Outcome.LEFT_OUT
-
-
-def _read_log(raw: tuple[str, ...], archive: Archive, reading: dict[str, Any]) -> ReadResult | None:
-    """Read the log, if there is one; without times where the archive has none."""
-    from gpszip.io.logs.read import read_logs
-
-    return read_logs(raw, times=archive.timed, **reading) if raw else None
 
 
 def _print_result(

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpszip.cli.completing import complete_files
 from gpszip.cli.options import Settings, common_options, force, map_option, quiet
 from gpszip.cli.outcome import Outcome
-from gpszip.cli.several_values import CommandWithLogs
+from gpszip.cli.raw_log import CommandWithLogs, raw_log_options, read_raw_log
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from gpszip.archive import Archive
     from gpszip.model import Listener, Network, ReadResult, Track
     from gpszip.model.match import Matching
@@ -26,18 +28,20 @@ _PAGE_OF_STDIN = "archive.html"
 @click.command(
     "view", cls=CommandWithLogs, short_help="Write a page that shows an archive in a browser."
 )
-@click.argument("archives", metavar="ARCHIVE...", nargs=-1, required=True)
-@click.option(
-    "--raw",
-    metavar="LOG...",
-    multiple=True,
-    help="Logs that were compressed, to show beside the walks.",
+@click.argument(
+    "archives",
+    metavar="ARCHIVE...",
+    nargs=-1,
+    required=True,
+    shell_complete=complete_files(".gpsz"),
 )
+@raw_log_options
 @click.option(
     "--network",
     metavar="ROADS...",
     multiple=True,
     help="Roads to show behind everything: NETWORK_FORMATS.",
+    shell_complete=complete_files(),
 )
 @click.option(
     "--match", "is_matched", is_flag=True, help="Show the routes of the log on the roads, too."
@@ -49,17 +53,16 @@ _PAGE_OF_STDIN = "archive.html"
     "target",
     metavar="FILE",
     help="Page to write; by default the archive's name with .html; - is standard output.",
+    shell_complete=complete_files(),
 )
 @click.option("--open", "is_opened", is_flag=True, help="Open the page in the browser.")
-@click.option(
-    "--columns", metavar="ROLES", help="Which column of LOG is what: t=when,x=east,y=north."
-)
 @quiet
 @force
 @common_options
 @click.pass_obj
 def command(
     settings: Settings,
+    /,
     archives: tuple[str, ...],
     raw: tuple[str, ...],
     network: tuple[str, ...],
@@ -67,23 +70,25 @@ def command(
     map_name: str | None,
     target: str | None,
     is_opened: bool,
-    columns: str | None,
     quiet: bool,
     force: bool,
+    **reading: Any,
 ) -> Outcome:
     """Write a page that shows ARCHIVE in a browser: map, walks, samples, errors.
 
     The page is one file. It opens from disk, needs no network, and sends nothing anywhere. Two
     archives are shown side by side.
     """
+    from contextlib import ExitStack
+
+    from gpszip.cli.archives import open_archive_file
     from gpszip.cli.output import check_output, print_status
     from gpszip.cli.progress import progress_bar
     from gpszip.errors import OptionError
-    from gpszip.view.write import MAX_ARCHIVES
+    from gpszip.view.write import check_coordinates_of, check_count
 
-    # Check what was asked for before any work.
-    if len(archives) > MAX_ARCHIVES:
-        raise OptionError(f"a page shows one archive or two, not {len(archives)}")
+    # Refuse what can be refused before any work.
+    check_count(len(archives))
     if is_matched and not (network and raw):
         raise OptionError("--match needs a log and roads", remedy="give --raw and --network, too")
     target = target or _page_name(archives[0])
@@ -92,13 +97,17 @@ def command(
     check_output(target, force=force)
 
     # Read, and write the page.
-    with progress_bar(quiet=quiet or settings.json) as listener:
-        page, read_result, drawn = _build(
-            archives, raw, network, is_matched, map_name, columns, listener
-        )
+    with (
+        progress_bar(quiet=quiet or settings.json) as listener,
+        ExitStack() as stack,
+    ):
+        opened = [stack.enter_context(open_archive_file(name, map_name)) for name in archives]
+        check_coordinates_of(opened)
+        read_result = read_raw_log(raw, opened[0], reading) if raw else None
+        page, drawn = _build(opened, archives, read_result, network, is_matched, listener)
     _write(target, page)
     if settings.json or not quiet:
-        _print_result(target, page, read_result, drawn, settings)
+        _print_result(target, len(page), read_result, drawn, settings)
 
     # Open it.
     if is_opened and click.launch(str(Path(target).resolve())) != 0:
@@ -112,73 +121,38 @@ def _page_name(archive: str) -> str:
 
 
 def _build(
-    archives: tuple[str, ...],
-    raw: tuple[str, ...],
+    archives: Sequence[Archive],
+    names: tuple[str, ...],
+    read_result: ReadResult | None,
     network: tuple[str, ...],
     is_matched: bool,
-    map_name: str | None,
-    columns: str | None,
     listener: Listener | None,
-) -> tuple[str, ReadResult | None, int]:
-    """Return the page, what was read of the log, and how many of its samples the page holds."""
-    from contextlib import ExitStack
-
-    from gpszip.cli.archives import open_archive_file
-    from gpszip.view.generator import generator_name
-    from gpszip.view.on_plane import put_on_plane
+) -> tuple[bytes, int]:
+    """Return the page, and how many samples of the log it holds."""
+    from gpszip.view.inputs import put_on_plane
     from gpszip.view.page import build_page
-    from gpszip.view.scene import Subject, build_scene
+    from gpszip.view.scene import ShownArchive, build_scene
 
-    with ExitStack() as stack:
-        # Archives, log and roads.
-        opened = [
-            stack.enter_context(open_archive_file(name, map_name if not number else None))
-            for number, name in enumerate(archives)
-        ]
-        _check_coordinates(opened, archives)
-        read_result = _read_log(raw, opened[0], columns)
-        tracks = [] if read_result is None else put_on_plane(read_result, opened[0])
-        roads = _read_roads(network, opened[0], tracks)
-        matching = _match(tracks, roads, listener) if is_matched and roads is not None else None
+    # The log on the plane of the first archive, the roads, and the routes.
+    log = () if read_result is None else read_result.tracks
+    log_bytes = None if read_result is None else read_result.bytes
+    tracks = put_on_plane(log, archives[0])
+    roads = _read_roads(network, archives[0], tracks)
+    matching = _match(tracks, roads, listener) if is_matched and roads is not None else None
 
-        # The page.
-        log_bytes = None if read_result is None else read_result.bytes
-        subjects = [
-            Subject(archive, Path(name).name, put_on_plane(tracks, archive), log_bytes, matching)
-            for archive, name in zip(opened, archives, strict=True)
-        ]
-        scene = build_scene(
-            subjects,
-            roads,
-            title=" and ".join(Path(name).name for name in archives),
-            generator=generator_name(),
-        )
-        scene["command"] = shlex.join(["gpszip", "view", *archives])
+    # The page.
+    shown = [
+        ShownArchive(archive, Path(name).name, put_on_plane(tracks, archive), log_bytes, matching)
+        for archive, name in zip(archives, names, strict=True)
+    ]
+    scene = build_scene(shown, roads, title=" and ".join(each.name for each in shown))
     samples = scene["archives"][0]["raw"]
-    return build_page(scene), read_result, samples["drawn"] if samples else 0
+    return build_page(scene).encode("utf-8"), samples["drawn"] if samples else 0
 
 
-def _check_coordinates(archives: list[Archive], names: tuple[str, ...]) -> None:
-    """Refuse archives that can't share a page."""
-    from gpszip.errors import OptionError
-
-    if len({archive.grid.plane is None for archive in archives}) > 1:
-        raise OptionError(
-            f"{names[0]} and {names[1]} don't share a page: one is in degrees, the other isn't"
-        )
-
-
-def _read_log(raw: tuple[str, ...], archive: Archive, columns: str | None) -> ReadResult | None:
-    """Read the log, on the plane of an archive."""
-    from gpszip.pipeline.open_log import open_log
-
-    if not raw:
-        return None
-    with open_log(raw, plane=archive.grid.plane, columns=columns, times=archive.timed) as log:
-        return log.read_result
-
-
-def _read_roads(network: tuple[str, ...], archive: Archive, tracks: list[Track]) -> Network | None:
+def _read_roads(
+    network: tuple[str, ...], archive: Archive, tracks: Sequence[Track]
+) -> Network | None:
     """Read the roads near the log, or near the walks where there is no log."""
     from gpszip.pipeline.match import read_network
 
@@ -187,41 +161,41 @@ def _read_roads(network: tuple[str, ...], archive: Archive, tracks: list[Track])
     return read_network(list(network), near=tracks or archive.decompress()).network
 
 
-def _match(tracks: list[Track], roads: Network, listener: Listener | None) -> Matching:
+def _match(tracks: Sequence[Track], roads: Network, listener: Listener | None) -> Matching:
     from gpszip.pipeline.match import match
 
     return match(tracks, roads, progress=listener)
 
 
-def _write(target: str, page: str) -> None:
+def _write(target: str, page: bytes) -> None:
     from gpszip.io.storage.sink import open_sink
 
     with open_sink(target) as stream:
-        stream.write(page.encode("utf-8"))
+        stream.write(page)
 
 
 def _print_result(
-    target: str, page: str, read_result: ReadResult | None, drawn: int, settings: Settings
+    target: str, size: int, read_result: ReadResult | None, drawn: int, settings: Settings
 ) -> None:
     """Say what was written, and what of the log the page leaves out."""
     from gpszip.cli.output import print_json, print_status
-    from gpszip.cli.summary import output_label, print_losses
+    from gpszip.cli.summary import output_label, print_json_result, print_losses
     from gpszip.cli.units import format_count
 
     # For programs.
-    size = len(page.encode("utf-8"))
-    total = 0 if read_result is None else sum(len(track) for track in read_result)
     if settings.json:
-        result = {"output": target, "bytes": size, "points": total, "points_drawn": drawn}
-        print_json(result, err=target == "-")
+        if read_result is None:
+            print_json({"output": target, "bytes": size}, err=target == "-")
+        else:
+            facts = {"bytes": size, "points": read_result.kept, "points_drawn": drawn}
+            print_json_result(target, facts, read_result, read_result.repairs)
         return
 
     # For a person.
-    if read_result is not None:
-        print_losses(read_result)
     text = f"{output_label(target)}: a page of {size / 1e6:.1f} MB"
     if read_result is not None:
+        print_losses(read_result)
         text += f" with {format_count(drawn, 'point')}"
-        if drawn < total:
-            text += f" of {total:,}: of neighbours, those with the largest errors"
+        if drawn < read_result.kept:
+            text += f" of {read_result.kept:,}: of neighbours, those with the largest errors"
     print_status(text)

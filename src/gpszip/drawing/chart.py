@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpszip.drawing.map_figure import TITLE_HEIGHT, add_title
-from gpszip.drawing.style import Page, new_figure
+from gpszip.drawing.style import Layout, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,20 +29,20 @@ _BELOW = 9.0
 _ABOVE = 2.5
 
 
-def chart_figure(page: Page, aspect: float) -> tuple[Figure, Axes]:
+def chart_figure(layout: Layout, aspect: float) -> tuple[Figure, Axes]:
     """Return a figure with empty axes, and space at their right for labels of the data.
 
     Parameters
     ----------
-    page : Page
+    layout : Layout
         Width and title of the figure.
     aspect : float
         Height of the figure without its title, relative to its width.
     """
     # The legend needs the space at right.
-    right = _RIGHT if page.legend else _ABOVE
-    above = TITLE_HEIGHT if page.title else _ABOVE
-    width, height = page.width, page.width * aspect + above
+    right = _RIGHT if layout.legend else _ABOVE
+    above = TITLE_HEIGHT if layout.title else _ABOVE
+    width, height = layout.width, layout.width * aspect + above
     figure = new_figure(width, height)
     axes = figure.add_axes(
         (
@@ -58,5 +58,5 @@ def chart_figure(page: Page, aspect: float) -> tuple[Figure, Axes]:
     axes.grid()
     axes.set_axisbelow(True)
     axes.yaxis.set_label_coords(-(_LEFT - _LABEL) / (width - _LEFT - right), 0.5)
-    add_title(figure, page)
+    add_title(figure, layout)
     return figure, axes

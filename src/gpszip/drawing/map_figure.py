@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.drawing.style import INK, MM_PER_INCH, Page, new_figure, printable
+from gpszip.drawing.style import INK, MM_PER_INCH, Layout, new_figure, printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,14 +77,14 @@ def from_above(positions: Floats) -> Floats:
     return np.column_stack([positions, np.zeros(len(positions))])
 
 
-def map_figure(positions: Sequence[Floats], page: Page) -> tuple[Figure, Axes]:
+def map_figure(positions: Sequence[Floats], layout: Layout) -> tuple[Figure, Axes]:
     """Return a figure with axes that show all positions from above, and its scale bar.
 
     Parameters
     ----------
     positions : sequence of float64 arrays, shape (n, d)
         Metres.
-    page : Page
+    layout : Layout
         Width and title of the figure; its height follows from the positions.
     """
     # The extent of the data, with some space about it.
@@ -93,17 +93,17 @@ def map_figure(positions: Sequence[Floats], page: Page) -> tuple[Figure, Axes]:
     size = size + 2 * _SPACE * size.max()
 
     # Sizes in millimetres. The scale is chosen such that the data fits both ways.
-    width = page.width - 2 * _MARGIN
+    width = layout.width - 2 * _MARGIN
     height = width * float(np.clip(size[1] / size[0], *_ASPECTS))
     metres_per_mm = max(size[0] / width, size[1] / height)
-    top = TITLE_HEIGHT if page.title else _MARGIN
-    footer = _FOOTER_HEIGHT + _legend_offset(page)
+    top = TITLE_HEIGHT if layout.title else _MARGIN
+    footer = _FOOTER_HEIGHT + _legend_offset(layout)
     total = top + height + footer
 
     # Axes that fill the space between title and footer.
-    figure = new_figure(page.width, total)
+    figure = new_figure(layout.width, total)
     axes = figure.add_axes(
-        (_MARGIN / page.width, footer / total, width / page.width, height / total)
+        (_MARGIN / layout.width, footer / total, width / layout.width, height / total)
     )
     axes.set_axis_off()
     reach = np.array([width, height]) * metres_per_mm / 2
@@ -111,18 +111,18 @@ def map_figure(positions: Sequence[Floats], page: Page) -> tuple[Figure, Axes]:
     axes.set_xlim(center[0] - reach[0], center[0] + reach[0])
     axes.set_ylim(center[1] - reach[1], center[1] + reach[1])
     axes.set_aspect("equal")
-    add_title(figure, page)
-    _add_scale_bar(figure, page, metres_per_mm)
+    add_title(figure, layout)
+    _add_scale_bar(figure, layout, metres_per_mm)
     return figure, axes
 
 
-def add_title(figure: Figure, page: Page) -> None:
-    """Write the title of a page above its picture, at left."""
-    if page.title:
-        figure.set_label(printable(page.title))
+def add_title(figure: Figure, layout: Layout) -> None:
+    """Write the title above the picture, at left."""
+    if layout.title:
+        figure.set_label(printable(layout.title))
         figure.text(
             *_fractions(figure, _MARGIN, _height(figure) - 1.5),
-            printable(page.title),
+            printable(layout.title),
             ha="left",
             va="top",
             fontsize=9,
@@ -131,10 +131,10 @@ def add_title(figure: Figure, page: Page) -> None:
         )
 
 
-def add_legend(figure: Figure, page: Page, handles: Sequence[Any]) -> None:
+def add_legend(figure: Figure, layout: Layout, handles: Sequence[Any]) -> None:
     """Explain colours and widths below the picture at left, in one row."""
-    if page.legend and handles:
-        middle = _ROW_MIDDLE + _legend_offset(page)
+    if layout.legend and handles:
+        middle = _ROW_MIDDLE + _legend_offset(layout)
         figure.legend(
             handles=handles,
             loc="center left",
@@ -149,13 +149,13 @@ def add_legend(figure: Figure, page: Page, handles: Sequence[Any]) -> None:
         )
 
 
-def add_color_bar(figure: Figure, page: Page, mappable: Any, ends: tuple[int, int]) -> None:
+def add_color_bar(figure: Figure, layout: Layout, mappable: Any, ends: tuple[int, int]) -> None:
     """Explain the colours of traversals below the map at left."""
-    if not page.legend:
+    if not layout.legend:
         return
 
     # The bar; its number at left stands in the margin.
-    middle = _ROW_MIDDLE + _legend_offset(page)
+    middle = _ROW_MIDDLE + _legend_offset(layout)
     left, bottom = _fractions(figure, _MARGIN + 3, middle - 1)
     width, height = _fractions(figure, 24, 2)
     bar = figure.add_axes((left, bottom, width, height), gid="color-bar")
@@ -169,27 +169,27 @@ def add_color_bar(figure: Figure, page: Page, mappable: Any, ends: tuple[int, in
         bar.text(x, 0.45, text, transform=bar.transAxes, ha=side, va="center")
 
 
-def add_caption(figure: Figure, page: Page, text: str) -> None:
+def add_caption(figure: Figure, layout: Layout, text: str) -> None:
     """Write a text in the place of the legend."""
-    if page.legend:
-        middle = _ROW_MIDDLE + _legend_offset(page)
+    if layout.legend:
+        middle = _ROW_MIDDLE + _legend_offset(layout)
         figure.text(*_fractions(figure, _MARGIN, middle), text, ha="left", va="center")
 
 
-def add_remark(figure: Figure, page: Page, text: str) -> None:
+def add_remark(figure: Figure, layout: Layout, text: str) -> None:
     """Write a remark in the row of the scale bar, where the legend leaves space."""
-    if not (page.legend and text):
+    if not (layout.legend and text):
         return
-    if page.width < _NARROW:
+    if layout.width < _NARROW:
         figure.text(*_fractions(figure, _MARGIN, _ROW_MIDDLE), text, ha="left", va="center")
         return
-    right = page.width * (1 - _SCALE_BAR) - _MARGIN - _LENGTH_WIDTH
+    right = layout.width * (1 - _SCALE_BAR) - _MARGIN - _LENGTH_WIDTH
     figure.text(*_fractions(figure, right, _ROW_MIDDLE), text, ha="right", va="center")
 
 
-def _legend_offset(page: Page) -> float:
+def _legend_offset(layout: Layout) -> float:
     """Millimetres by which the legend stands above the scale bar."""
-    return _ROW_HEIGHT if page.legend and page.width < _NARROW else 0.0
+    return _ROW_HEIGHT if layout.legend and layout.width < _NARROW else 0.0
 
 
 def _extent(positions: Sequence[Floats]) -> tuple[Floats, Floats]:
@@ -212,13 +212,13 @@ def _fractions(figure: Figure, x: float, y: float) -> tuple[float, float]:
     return x / (float(figure.get_figwidth()) * MM_PER_INCH), y / _height(figure)
 
 
-def _add_scale_bar(figure: Figure, page: Page, metres_per_mm: float) -> None:
+def _add_scale_bar(figure: Figure, layout: Layout, metres_per_mm: float) -> None:
     """Draw a bar of a round length below the map at right, with its length at its left."""
     from matplotlib.lines import Line2D
 
-    # The bar ends at the right margin, as long as a round length is on the page.
-    length = round_length(page.width * _SCALE_BAR * metres_per_mm)
-    right = page.width - _MARGIN
+    # The bar ends at the right margin, as long as a round length is in the picture.
+    length = round_length(layout.width * _SCALE_BAR * metres_per_mm)
+    right = layout.width - _MARGIN
     left = right - length / metres_per_mm
     figure.add_artist(
         Line2D(

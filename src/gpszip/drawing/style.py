@@ -24,7 +24,7 @@ __all__ = [
     "MM_PER_INCH",
     "PAGE_WIDTH",
     "PICTURE_FORMATS",
-    "Page",
+    "Layout",
     "new_figure",
     "picture_format",
     "printable",
@@ -107,7 +107,7 @@ _METADATA: dict[str, dict[str, Any]] = {
 
 
 @dataclass(frozen=True)
-class Page:
+class Layout:
     """The width of a picture, and the text about it.
 
     Parameters

@@ -125,7 +125,9 @@ def _resolve_target(path: str | os.PathLike[str], force: bool) -> Path:
 
 
 def _exists_error(target: Path) -> OutputError:
-    return OutputError("exists already", path=target, remedy="--force overwrites it")
+    return OutputError(
+        "exists already", path=target, remedy="replace it with --force, in Python force=True"
+    )
 
 
 @contextmanager

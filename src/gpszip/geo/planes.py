@@ -26,6 +26,7 @@ __all__ = [
     "choose_plane",
     "plane_changes",
     "plane_indices",
+    "reproject_positions",
     "reproject_track",
     "to_geographic",
     "to_plane",
@@ -174,16 +175,50 @@ def reproject_track(track: Track, plane: Plane) -> Track:
     """
     if track.plane is None or track.plane == plane:
         return track
+    positions = reproject_positions(track.positions, track.plane, plane, f"track {track.id!r}")
+    return replace(track, positions=positions, plane=plane)
 
-    # All samples must be covered.
-    lat, lon = to_geographic(track.positions, track.plane)
+
+def reproject_positions(positions: ArrayLike, own: Plane, plane: Plane, name: str) -> Floats:
+    """Reproject positions to other planes.
+
+    Parameters
+    ----------
+    positions : array_like, shape (n, 2)
+        Metres on the planes ``own``.
+    own, plane : Plane
+        Their planes, and the new ones.
+    name : str
+        What they belong to, for the error.
+
+    Returns
+    -------
+    float64 array, shape (n, 2)
+        Metres on the planes ``plane``.
+
+    Raises
+    ------
+    OptionError
+        If a position lies outside the radius of all planes.
+
+    Examples
+    --------
+    >>> here, east = Plane(((0, 0),)), Plane(((0, 10_000_000),))
+    >>> reproject_positions(np.zeros((1, 2)), here, east, "the log").round().tolist()
+    [[-111325.0, 0.0]]
+    """
+    if own == plane:
+        return np.asarray(positions, np.float64)
+
+    # All positions must be covered.
+    lat, lon = to_geographic(positions, own)
     directions = _unit_vectors(lat, lon)
     if not np.any([_in_radius(directions, center) for center in plane.centers], axis=0).all():
         raise OptionError(
-            f"track {track.id!r} lies more than {PLANE_RADIUS / 1000:.0f} km from the map",
+            f"{name} lies more than {PLANE_RADIUS / 1000:.0f} km from the map",
             remedy="give a map of the same place",
         )
-    return replace(track, positions=to_plane(lat, lon, plane), plane=plane)
+    return to_plane(lat, lon, plane)
 
 
 def plane_changes(positions: ArrayLike, plane: Plane | None) -> NDArray[np.bool_]:

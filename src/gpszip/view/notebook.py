@@ -5,9 +5,8 @@ from __future__ import annotations
 import html
 from typing import TYPE_CHECKING, Any
 
-from gpszip.view.generator import generator_name
 from gpszip.view.page import build_page
-from gpszip.view.scene import Subject, build_scene, log_scene, map_scene
+from gpszip.view.scene import ShownArchive, build_scene, log_scene, map_scene
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
@@ -30,15 +29,14 @@ def show_archive(archive: Archive) -> str:
     """HTML of an archive: its page, or for a large one what it is and how to see it."""
     if archive.size > _MAX_ARCHIVE_BYTES:
         return _hint(archive, 'gpszip.write_page(archive, "archive.html")')
-    subject = Subject(archive, "archive")
-    return _embed(build_scene([subject], title="archive", generator=generator_name()))
+    return _embed(build_scene([ShownArchive(archive, "archive")], title="archive"))
 
 
 def show_map(road_map: RoadMap) -> str:
     """HTML of a map, as :func:`show_archive` does it of an archive."""
     if len(road_map.edges) > _MAX_EDGES or not len(road_map.nodes):
         return _hint(road_map, 'gpszip.write_page(archive, "archive.html")')
-    return _embed(map_scene(road_map, title="map", generator=generator_name()))
+    return _embed(map_scene(road_map, title="map"))
 
 
 def show_tracks(tracks: list[Track]) -> str:
@@ -46,8 +44,8 @@ def show_tracks(tracks: list[Track]) -> str:
     samples = sum(len(track) for track in tracks)
     if samples > _MAX_SAMPLES or not samples:
         shown = tracks[0] if len(tracks) == 1 else f"{len(tracks):,} tracks, {samples:,} samples"
-        return _hint(shown, 'gpszip.write_page(archive, "log.html", tracks=tracks)')
-    return _embed(log_scene(tracks, title="log", generator=generator_name()))
+        return _hint(shown, 'gpszip.write_page(archive, "log.html", raw=tracks)')
+    return _embed(log_scene(tracks, title="log"))
 
 
 def _embed(scene: dict[str, Any]) -> str:

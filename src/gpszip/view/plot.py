@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
-from gpszip.archive import Archive, ArchiveSource, open_archive
+from gpszip.archive import Archive
 from gpszip.drawing.style import (
     DPI,
     PAGE_WIDTH,
-    Page,
+    Layout,
     picture_format,
     require_matplotlib,
     save_figure,
@@ -20,10 +19,9 @@ from gpszip.drawing.style import (
 )
 from gpszip.errors import OptionError
 from gpszip.files.atomic_write import atomic_write
-from gpszip.geo.planes import reproject_track
 from gpszip.io.deferred import deferred
 from gpszip.model import Track
-from gpszip.model.text import axes_text
+from gpszip.view.inputs import Archives, check_coordinates, list_tracks, open_archives, put_on_plane
 from gpszip.view.plots.subject import Subject
 
 if TYPE_CHECKING:
@@ -43,7 +41,7 @@ class PlotKind:
     description : str
         What it shows.
     draw : callable
-        Draws a subject on a page, and returns the figure.
+        Draws a subject in a layout, and returns the figure.
     needs_log : bool, default False
         Whether it needs the log.
     several : bool, default False
@@ -52,7 +50,7 @@ class PlotKind:
 
     name: str
     description: str
-    draw: Callable[[Subject, Page], matplotlib.figure.Figure]
+    draw: Callable[[Subject, Layout], matplotlib.figure.Figure]
     needs_log: bool = False
     several: bool = False
 
@@ -95,7 +93,7 @@ PLOT_KINDS: tuple[PlotKind, ...] = (
 
 
 def plot(
-    archives: Archive | ArchiveSource | Sequence[Archive | ArchiveSource],
+    archives: Archives,
     target: str | os.PathLike[str] | None = None,
     *,
     kind: str = "map",
@@ -104,6 +102,7 @@ def plot(
     dpi: int = DPI,
     title: str | None = None,
     legend: bool = True,
+    force: bool = False,
 ) -> matplotlib.figure.Figure:
     """Draw a picture of an archive for a paper. Needs the extra ``plot``.
 
@@ -112,7 +111,7 @@ def plot(
     archives : Archive, path or bytes, or sequence of these
         The archive; several for the kind ``rate``.
     target : path, optional
-        File to write: ``.png``, ``.svg`` or ``.pdf``. It replaces another file of this name.
+        File to write: ``.png``, ``.svg`` or ``.pdf``.
     kind : str, default "map"
         ``map``: the clean map, over the samples of ``raw`` if given.
         ``segments``: the segments of the walks, in colours that tell edges apart.
@@ -130,6 +129,8 @@ def plot(
         Line above the picture.
     legend : bool, default True
         Whether colours, widths and numbers are explained.
+    force : bool, default False
+        Replace an existing file.
 
     Returns
     -------
@@ -143,7 +144,7 @@ def plot(
     OptionError
         If there is no such kind, or it can't be drawn of what was given.
     OutputError
-        If the file can't be written.
+        If the file exists and ``force`` is not given, or it can't be written.
 
     Examples
     --------
@@ -153,30 +154,14 @@ def plot(
     >>> figure.axes[0].get_ylabel()
     'error in metres'
     """
-    # Open the archives; only paths have names.
-    listed = _as_list(archives)
-    opened = tuple(each if isinstance(each, Archive) else open_archive(each) for each in listed)
-    names = tuple(Path(each).stem if isinstance(each, str | os.PathLike) else "" for each in listed)
-    tracks = (raw,) if isinstance(raw, Track) else tuple(raw)
-
     # Draw, and write.
-    page = Page(width, title, legend)
-    figure = draw(kind, opened, names, tracks, page)
+    opened, names = open_archives(archives)
+    figure = draw(kind, opened, names, list_tracks(raw), Layout(width, title, legend))
     if target is not None:
         file_format = picture_format(os.fspath(target))
-        with atomic_write(target) as temporary:
+        with atomic_write(target, force=force) as temporary:
             save_figure(figure, temporary, file_format, dpi)
     return figure
-
-
-def _as_list(
-    archives: Archive | ArchiveSource | Sequence[Archive | ArchiveSource],
-) -> list[Archive | ArchiveSource]:
-    """Return the archives that were given: several, or one as itself, a file, bytes or a stream."""
-    single = isinstance(archives, Archive | str | os.PathLike | bytes) or hasattr(archives, "read")
-    if single:
-        return [cast("Archive | ArchiveSource", archives)]
-    return list(cast("Sequence[Archive | ArchiveSource]", archives))
 
 
 def draw(
@@ -184,18 +169,17 @@ def draw(
     archives: Sequence[Archive],
     names: Sequence[str],
     tracks: Sequence[Track],
-    page: Page,
+    layout: Layout,
 ) -> matplotlib.figure.Figure:
     """Draw a figure of one of :data:`PLOT_KINDS`; errors as for :func:`plot`."""
     chosen = find_kind(kind, len(archives), has_log=bool(tracks))
 
-    # Bring the log to the planes of the archive.
+    # Bring the log to the planes of the first archive.
     for archive in archives:
-        _check_coordinates(archive, tracks)
-    plane = archives[0].grid.plane
-    on_plane = tuple(track if plane is None else reproject_track(track, plane) for track in tracks)
+        check_coordinates(tracks, archive)
+    on_plane = put_on_plane(tracks, archives[0])
     with style():
-        return chosen.draw(Subject(tuple(archives), tuple(names), on_plane), page)
+        return chosen.draw(Subject(tuple(archives), tuple(names), on_plane), layout)
 
 
 def find_kind(name: str, archives: int, *, has_log: bool) -> PlotKind:
@@ -227,20 +211,6 @@ def find_kind(name: str, archives: int, *, has_log: bool) -> PlotKind:
             remedy="give the log with --raw, in Python raw=",
         )
     return chosen
-
-
-def _check_coordinates(archive: Archive, tracks: Sequence[Track]) -> None:
-    """Refuse a log whose coordinates are of another kind than those of the archive."""
-    grid = archive.grid
-    expected = axes_text(grid.dimension, grid.plane)
-    for track in tracks:
-        given = axes_text(track.dimension, track.plane)
-        if given != expected:
-            raise OptionError(
-                f"the log is in {given}, the archive in {expected}",
-                location=f"track {track.id!r}",
-                remedy="give the log that was compressed",
-            )
 
 
 def _names_of(*, several: bool = False) -> str:

@@ -113,8 +113,8 @@ def _errors(track: Track, walk: Walk | None, nodes: Floats) -> Floats:
     return synchronised_errors(track, walk, nodes)
 
 
-def thin_samples(samples: Samples, most: int) -> Samples:
-    """Keep at most about ``most`` samples: of each run of k, the one with the largest error.
+def thin_samples(samples: Samples, max_samples: int) -> Samples:
+    """Keep at most about ``max_samples`` samples: of each run of k, the one with the largest error.
 
     So the largest errors of a log are in the page whatever it leaves out. Runs don't reach from one
     track into the next; a track keeps one sample at least.
@@ -123,10 +123,10 @@ def thin_samples(samples: Samples, most: int) -> Samples:
     ----------
     samples : Samples
         All samples.
-    most : int
-        About how many are kept; one for each track more at most.
+    max_samples : int
+        About how many are kept; at most one more for each track.
     """
-    length = -(-len(samples.times) // most)
+    length = -(-len(samples.times) // max_samples)
     if length <= 1:
         return samples
 

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.geo.planes import reproject_positions
 from gpszip.model.grid import Plane, step_size
 from gpszip.model.projection import UNITS_PER_DEGREE
 from gpszip.model.timestamps import counts_from_1970
 from gpszip.view.blocks import LARGEST_INTEGER, pack_lines, pack_numbers
 from gpszip.view.facts import archive_facts, bytes_by_part
-from gpszip.view.on_plane import move_to_plane
+from gpszip.view.generator import generator_name
 from gpszip.view.samples import Samples, collect_samples, thin_samples
 from gpszip.view.walk_ends import walks_to_their_ends
 
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
     from gpszip.model import CleanMap, Network, RoadMap, Track, Walk
     from gpszip.model.match import Matching
 
-__all__ = ["MAX_SAMPLES", "Subject", "build_scene", "log_scene", "map_scene"]
+__all__ = ["MAX_SAMPLES", "ShownArchive", "build_scene", "log_scene", "map_scene"]
 
 #: Samples of a log that a page holds at most: 3 to 5 MB.
 MAX_SAMPLES = 1_000_000
@@ -49,7 +51,7 @@ _COLUMN_SHARE = 1 / 65536
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class ShownArchive:
     """An archive to show, and what is shown with it.
 
     Parameters
@@ -74,39 +76,32 @@ class Subject:
 
 
 def build_scene(
-    subjects: Sequence[Subject],
+    shown: Sequence[ShownArchive],
     network: Network | None = None,
     *,
     title: str,
-    generator: str,
-    most: int = MAX_SAMPLES,
+    max_samples: int = MAX_SAMPLES,
 ) -> dict[str, Any]:
     """Build the value from which a page draws.
 
     Parameters
     ----------
-    subjects : sequence of Subject
+    shown : sequence of ShownArchive
         One archive or two, whose coordinates are of one kind.
     network : Network, optional
         Roads behind everything.
     title : str
         Title of the page.
-    generator : str
-        Program and version.
-    most : int, default ``MAX_SAMPLES``
+    max_samples : int, default ``MAX_SAMPLES``
         Samples of each log at most; of longer logs, those with the largest errors are kept.
     """
-    archives = [subject.archive for subject in subjects]
-    ranges = [archive.time_range for archive in archives if archive.time_range is not None]
+    # All lie on the planes of the first.
+    archives = [each.archive for each in shown]
     plane = archives[0].grid.plane
-    entries = [_show_archive(subject, plane, most) for subject in subjects]
-    scene = _scene(
-        entries,
-        plane,
-        _epoch_of([first for first, _ in ranges]),
-        title,
-        generator,
-    )
+    entries = [_show_archive(each, plane, max_samples) for each in shown]
+
+    ranges = [archive.time_range for archive in archives if archive.time_range is not None]
+    scene = _scene(entries, plane, [first for first, _ in ranges], title)
     return {**scene, "network": None if network is None else _show_network(network)}
 
 
@@ -116,12 +111,12 @@ def _degrees(center: tuple[int, int]) -> list[float]:
 
 def _epoch_of(first_times: Sequence[float]) -> str | None:
     """From where times are counted: 1970, the log's own zero, or nowhere without times."""
-    if not len(first_times):
+    if not first_times:
         return None
     return "unix" if counts_from_1970(min(first_times)) else "log"
 
 
-def map_scene(road_map: RoadMap, *, title: str, generator: str) -> dict[str, Any]:
+def map_scene(road_map: RoadMap, *, title: str) -> dict[str, Any]:
     """Build the scene of a map alone, as :func:`build_scene` does that of an archive."""
     extent = float(np.ptp(road_map.nodes, axis=0).max()) if len(road_map.nodes) else 1.0
     step = max(extent * _EXTENT_SHARE, _FINEST)
@@ -130,10 +125,10 @@ def map_scene(road_map: RoadMap, *, title: str, generator: str) -> dict[str, Any
         "facts": [["Nodes", f"{len(road_map.nodes):,}"], ["Edges", f"{len(road_map.edges):,}"]],
         **_show_map(road_map, step),
     }
-    return _scene([entry], road_map.plane, None, title, generator)
+    return _scene([entry], road_map.plane, [], title)
 
 
-def log_scene(tracks: Sequence[Track], *, title: str, generator: str) -> dict[str, Any]:
+def log_scene(tracks: Sequence[Track], *, title: str) -> dict[str, Any]:
     """Build the scene of a log alone, as :func:`build_scene` does that of an archive."""
     samples = collect_samples(tracks, (), np.zeros((0, tracks[0].dimension)))
     extent = float(np.ptp(samples.positions, axis=0).max())
@@ -144,26 +139,25 @@ def log_scene(tracks: Sequence[Track], *, title: str, generator: str) -> dict[st
         "points": samples.total,
         "raw": _show_samples(thin_samples(samples, MAX_SAMPLES), step),
     }
-    timed = [track.times[0] for track in tracks if track.timed]
-    return _scene([entry], tracks[0].plane, _epoch_of(timed), title, generator)
+    first_times = [float(track.times[0]) for track in tracks if track.timed]
+    return _scene([entry], tracks[0].plane, first_times, title)
 
 
 def _scene(
     entries: list[dict[str, Any]],
     plane: Plane | None,
-    epoch: str | None,
+    first_times: Sequence[float],
     title: str,
-    generator: str,
 ) -> dict[str, Any]:
     """A scene without roads."""
     return {
         "version": 1,
-        "generator": generator,
+        "generator": generator_name(),
         "title": title,
         "geographic": plane is not None,
         "planes": [] if plane is None else [_degrees(center) for center in plane.centers],
         "plane_spread": Plane.SPREAD,
-        "epoch": epoch,
+        "epoch": _epoch_of(first_times),
         "archives": entries,
         "network": None,
     }
@@ -200,32 +194,33 @@ def _empty_entry(name: str, dimension: int) -> dict[str, Any]:
     }
 
 
-def _show_archive(subject: Subject, plane: Plane | None, most: int) -> dict[str, Any]:
+def _show_archive(shown: ShownArchive, plane: Plane | None, max_samples: int) -> dict[str, Any]:
     """One archive and its log, on a plane that may be that of another archive."""
     # Walks begin and end where their tracks do, at nodes of their own behind those of the map.
-    archive = subject.archive
+    archive = shown.archive
     nodes, walks = walks_to_their_ends(archive.road_map.nodes, archive.walks)
     road_map = replace(archive.road_map, nodes=nodes)
     clean_map, off_map_lines = archive.clean_map(), archive.off_map_lines
     samples = None
-    if subject.tracks:
-        samples = collect_samples(subject.tracks, archive.walks, archive.road_map.nodes)
+    if shown.tracks:
+        samples = collect_samples(shown.tracks, archive.walks, archive.road_map.nodes)
     step = _position_step(archive, samples)
 
     # Two archives of one place were compressed on planes of their own.
     own = archive.grid.plane
     if own is not None and plane is not None and own != plane:
-        road_map = replace(road_map, nodes=move_to_plane(road_map.nodes, own, plane))
-        clean_map = replace(clean_map, points=move_to_plane(clean_map.points, own, plane))
-        off_map_lines = [move_to_plane(line, own, plane) for line in off_map_lines]
+        move = partial(reproject_positions, own=own, plane=plane, name=shown.name)
+        road_map = replace(road_map, nodes=move(road_map.nodes))
+        clean_map = replace(clean_map, points=move(clean_map.points))
+        off_map_lines = [move(line) for line in off_map_lines]
         if samples is not None:
-            samples = replace(samples, positions=move_to_plane(samples.positions, own, plane))
+            samples = replace(samples, positions=move(samples.positions))
 
     return {
-        "name": subject.name,
+        "name": shown.name,
         "facts": archive_facts(archive, samples),
         "bytes": archive.size,
-        "log_bytes": subject.log_bytes,
+        "log_bytes": shown.log_bytes,
         "points": None if samples is None else samples.total,
         "sections": bytes_by_part(archive),
         "bound": None if archive.error_bound is None else str(archive.error_bound),
@@ -237,9 +232,9 @@ def _show_archive(subject: Subject, plane: Plane | None, most: int) -> dict[str,
         "new_edges": _show_lines(off_map_lines, step),
         "tracks": _show_tracks(walks),
         "knots": _show_knots(walks, nodes),
-        "raw": None if samples is None else _show_samples(thin_samples(samples, most), step),
+        "raw": None if samples is None else _show_samples(thin_samples(samples, max_samples), step),
         "kept": _show_kept(archive),
-        "routes": None if subject.matching is None else _show_routes(subject.matching, step),
+        "routes": None if shown.matching is None else _show_routes(shown.matching, step),
     }
 
 

@@ -4,33 +4,32 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gpszip.errors import OptionError, OutputError
+from gpszip.archive import Archive
+from gpszip.errors import OptionError
 from gpszip.files.atomic_write import atomic_write
-from gpszip.view.generator import generator_name
-from gpszip.view.on_plane import put_on_plane
+from gpszip.model.read_result import ReadResult
+from gpszip.view.inputs import Archives, list_tracks, open_archives, put_on_plane
 from gpszip.view.page import build_page
-from gpszip.view.scene import Subject, build_scene
+from gpszip.view.scene import ShownArchive, build_scene
 
 if TYPE_CHECKING:
-    from gpszip.archive import Archive
     from gpszip.model import Network, Track
 
-__all__ = ["MAX_ARCHIVES", "build_archive_page", "write_page"]
+__all__ = ["check_coordinates_of", "check_count", "write_page"]
 
 #: Archives that a page shows side by side.
-MAX_ARCHIVES = 2
+_MAX_ARCHIVES = 2
 
 
 def write_page(
-    archives: Archive | Sequence[Archive],
-    path: str | os.PathLike[str],
+    archives: Archives,
+    target: str | os.PathLike[str],
     *,
-    tracks: Sequence[Track] | Track = (),
+    raw: Track | Sequence[Track] = (),
     network: Network | None = None,
-    title: str = "GPSZip",
+    title: str = "",
     force: bool = False,
 ) -> int:
     """Write a page that shows an archive, or two side by side, in a browser.
@@ -39,16 +38,16 @@ def write_page(
 
     Parameters
     ----------
-    archives : Archive or sequence of Archive
+    archives : Archive, path or bytes, or sequence of these
         One archive, or two whose coordinates are of one kind.
-    path : path
-        The file, such as ``walks.html``.
-    tracks : sequence of Track, or Track, optional
+    target : path
+        File to write, such as ``walks.html``.
+    raw : Track or sequence of Track
         The log that was compressed: the page shows its samples beside the walks, and their errors.
     network : Network, optional
         Roads to show behind everything.
-    title : str, default "GPSZip"
-        Title of the page.
+    title : str, optional
+        Title of the page; by default the names of the archives.
     force : bool, default False
         Replace an existing file.
 
@@ -64,38 +63,43 @@ def write_page(
     OutputError
         If the file exists and ``force`` is not given, or it can't be written.
     """
-    # Do the work only if the file can be written.
-    target = Path(path)
-    if target.exists() and not force:
-        raise OutputError("exists already", path=target, remedy="give force=True to replace it")
-    page = build_archive_page(archives, tracks, network, title).encode("utf-8")
-    with atomic_write(target) as temporary:
-        temporary.write_bytes(page)
-    return len(page)
-
-
-def build_archive_page(
-    archives: Archive | Sequence[Archive],
-    tracks: Sequence[Track] | Track = (),
-    network: Network | None = None,
-    title: str = "GPSZip",
-) -> str:
-    """HTML of the page that :func:`write_page` writes."""
-    # An archive is a sequence of names, too.
-    from gpszip.archive import Archive
-    from gpszip.model import Track
-
-    shown = [archives] if isinstance(archives, Archive) else list(archives)
-    samples = [tracks] if isinstance(tracks, Track) else list(tracks)
-    if not 1 <= len(shown) <= MAX_ARCHIVES:
-        raise OptionError(f"a page shows one archive or two, not {len(shown)}")
-    if len({archive.grid.plane is None for archive in shown}) > 1:
-        raise OptionError("archives in degrees and in metres don't share a page")
-
-    names = ["archive"] if len(shown) == 1 else ["first archive", "second archive"]
-    subjects = [
-        Subject(archive, name, put_on_plane(samples, archive))
-        for archive, name in zip(shown, names, strict=True)
+    # What is shown, by its names.
+    opened, names = open_archives(archives)
+    check_count(len(opened))
+    check_coordinates_of(opened)
+    tracks, log_bytes = list_tracks(raw), raw.bytes if isinstance(raw, ReadResult) else None
+    shown = [
+        ShownArchive(archive, name or "archive", put_on_plane(tracks, archive), log_bytes)
+        for archive, name in zip(opened, names, strict=True)
     ]
-    scene = build_scene(subjects, network, title=title, generator=generator_name())
-    return build_page(scene)
+    title = title or " and ".join(each.name for each in shown)
+
+    # The page.
+    with atomic_write(target, force=force) as temporary:
+        return temporary.write_bytes(build_page(build_scene(shown, network, title=title)).encode())
+
+
+def check_count(archives: int) -> None:
+    """Refuse no archives, or more than a page shows.
+
+    Raises
+    ------
+    OptionError
+        If there are none or more than two.
+    """
+    if not 1 <= archives <= _MAX_ARCHIVES:
+        raise OptionError(f"a page shows one archive or two, not {archives}")
+
+
+def check_coordinates_of(archives: Sequence[Archive]) -> None:
+    """Refuse archives that can't share a page.
+
+    Raises
+    ------
+    OptionError
+        If one is in degrees and the other in metres.
+    """
+    if len({archive.grid.plane is None for archive in archives}) > 1:
+        raise OptionError(
+            "one archive is in degrees, the other in metres", remedy="make a page of each"
+        )

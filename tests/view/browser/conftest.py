@@ -10,7 +10,7 @@ from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.testing import city, patrol
 from gpszip.view.blocks import pack_lines
 from gpszip.view.page import build_page
-from gpszip.view.scene import Subject, build_scene, log_scene, map_scene
+from gpszip.view.scene import ShownArchive, build_scene, log_scene, map_scene
 
 try:
     from selenium import webdriver
@@ -109,8 +109,8 @@ def robot():
 @pytest.fixture(scope="session")
 def fleet_path(folder, fleet, fleet_tracks):
     """Page of the fleet with everything that a page can show."""
-    subject = Subject(fleet, "<b>fleet</b>.gpsz", fleet_tracks, 20_000)
-    scene = build_scene([subject], title="fleet.gpsz", generator="GPSZip")
+    subject = ShownArchive(fleet, "<b>fleet</b>.gpsz", fleet_tracks, 20_000)
+    scene = build_scene([subject], title="fleet.gpsz")
     for key, north in (("new_edges", 20.0), ("routes", 40.0)):
         line = np.array([[-300.0, north], [300.0, north]])
         scene["archives"][0][key] = pack_lines(line, np.array([0, 2]), 0.1)
@@ -122,16 +122,17 @@ def fleet_path(folder, fleet, fleet_tracks):
 @pytest.fixture(scope="session")
 def robot_path(folder, robot):
     archive, track = robot
-    subject = Subject(archive, "robot.gpsz", (track,), 100)
-    return save(folder, "robot", build_scene([subject], title="robot", generator="GPSZip"))
+    subject = ShownArchive(archive, "robot.gpsz", (track,), 100)
+    return save(folder, "robot", build_scene([subject], title="robot"))
 
 
 @pytest.fixture(scope="session")
 def pair_path(folder, fleet, fleet_tracks):
     """Page of two archives."""
     coarse = gpszip.compress(fleet_tracks, rmse=20.0, effort=1, gap=60.0)
-    subjects = [Subject(fleet, "a.gpsz", fleet_tracks), Subject(coarse, "b.gpsz", fleet_tracks)]
-    return save(folder, "pair", build_scene(subjects, title="pair", generator="GPSZip"))
+    pair = ((fleet, "a.gpsz"), (coarse, "b.gpsz"))
+    shown = [ShownArchive(archive, name, fleet_tracks) for archive, name in pair]
+    return save(folder, "pair", build_scene(shown, title="pair"))
 
 
 @pytest.fixture(scope="session")
@@ -145,9 +146,9 @@ def odd_paths(folder, fleet):
     scenes = {
         "untimed": _scene(gpszip.compress(untimed, rmse=1.0, effort=1, times=False), untimed),
         "point": _scene(gpszip.compress(dot, rmse=1.0), dot),
-        "map": map_scene(fleet.road_map, title="map", generator="GPSZip"),
-        "streets": map_scene(_streets(), title="streets", generator="GPSZip"),
-        "many": log_scene(_many_tracks(), title="many", generator="GPSZip"),
+        "map": map_scene(fleet.road_map, title="map"),
+        "streets": map_scene(_streets(), title="streets"),
+        "many": log_scene(_many_tracks(), title="many"),
         "ferry": _scene(*_ferry()),
         "travel": _travel(),
     }
@@ -155,7 +156,7 @@ def odd_paths(folder, fleet):
 
 
 def _scene(archive, track):
-    return build_scene([Subject(archive, "a.gpsz", (track,))], title="a", generator="GPSZip")
+    return build_scene([ShownArchive(archive, "a.gpsz", (track,))], title="a")
 
 
 def _streets():
@@ -187,8 +188,8 @@ def _travel():
         gpszip.Track("north", times, positions[:50], plane=plane),
         gpszip.Track("south", times, positions[50:], plane=plane),
     ]
-    subject = Subject(gpszip.compress(tracks, rmse=20.0, effort=1), "a.gpsz", tracks)
-    return build_scene([subject], title="a", generator="GPSZip")
+    subject = ShownArchive(gpszip.compress(tracks, rmse=20.0, effort=1), "a.gpsz", tracks)
+    return build_scene([subject], title="a")
 
 
 def _ferry():

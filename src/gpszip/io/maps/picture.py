@@ -9,7 +9,7 @@ import numpy as np
 
 from gpszip.drawing.map_figure import add_legend, map_figure
 from gpszip.drawing.map_lines import MapLines, draw_lines, lines_legend, main_plane, on_plane
-from gpszip.drawing.style import Page, save_figure, style
+from gpszip.drawing.style import Layout, save_figure, style
 from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.io.maps.table import MapTable
 
@@ -35,12 +35,12 @@ def write_map_picture(table: MapTable, path: Path, kind: str) -> None:
     MissingExtraError
         If matplotlib is not installed.
     """
-    page = Page()
+    layout = Layout()
     lines = _lines_on_main_plane(table)
     with style():
-        figure, axes = map_figure(lines.vertices, page)
+        figure, axes = map_figure(lines.vertices, layout)
         draw_lines(axes, lines)
-        add_legend(figure, page, lines_legend(lines))
+        add_legend(figure, layout, lines_legend(lines))
     save_figure(figure, path, kind)
 
 

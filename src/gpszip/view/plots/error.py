@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from gpszip.drawing.style import Page
+    from gpszip.drawing.style import Layout
 
 __all__ = ["draw_errors"]
 
@@ -38,7 +38,7 @@ _INTERVALS = 5
 Floats = NDArray[np.float64]
 
 
-def draw_errors(subject: Subject, page: Page) -> Figure:
+def draw_errors(subject: Subject, layout: Layout) -> Figure:
     """Draw the error at each sample over time, with the RMSE and the maximum."""
     from matplotlib.ticker import MaxNLocator
 
@@ -49,7 +49,7 @@ def draw_errors(subject: Subject, page: Page) -> Figure:
     seconds, label = time_unit(float(times.min()), float(times.max()))
 
     # Dots.
-    figure, axes = chart_figure(page, _ASPECT)
+    figure, axes = chart_figure(layout, _ASPECT)
     elapsed = (times - times.min()) / seconds
     draw_samples(axes, [np.column_stack([elapsed, errors])], EDGE_COLOR)
     axes.set_xlabel(label)
@@ -63,7 +63,7 @@ def draw_errors(subject: Subject, page: Page) -> Figure:
     axes.axhline(rmse, color=INK, linewidth=0.9, zorder=3, gid="rmse")
     at_largest = elapsed[errors.argmax()]
     axes.plot(at_largest, largest, marker="o", markersize=4, mfc="none", mec=INK, mew=0.8, zorder=3)
-    if page.legend:
+    if layout.legend:
         height = axes.get_position().height * figure.get_figheight() * MM_PER_INCH
         low = min(rmse, largest - _LABEL_DISTANCE / height * top)
         _label(axes, low, f"RMSE\n{rmse:.3g} m")

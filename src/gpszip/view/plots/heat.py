@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
 
-    from gpszip.drawing.style import Page
+    from gpszip.drawing.style import Layout
 
 __all__ = ["draw_heat"]
 
@@ -33,7 +33,7 @@ _WIDTH = 1.8
 _SHADES = (0.85, 0.05)
 
 
-def draw_heat(subject: Subject, page: Page) -> Figure:
+def draw_heat(subject: Subject, layout: Layout) -> Figure:
     """Draw the clean map in colours on a logarithmic scale, over the log in grey if it is given."""
     from matplotlib.collections import LineCollection
     from matplotlib.colors import LogNorm
@@ -41,7 +41,7 @@ def draw_heat(subject: Subject, page: Page) -> Figure:
     # Samples below.
     lines, area = clean_lines(subject)
     samples = area.samples(subject)
-    figure, axes = map_figure([*samples, *lines.vertices], page)
+    figure, axes = map_figure([*samples, *lines.vertices], layout)
     draw_samples(axes, samples, GREY)
 
     # The map, the busiest streets on top.
@@ -62,10 +62,10 @@ def draw_heat(subject: Subject, page: Page) -> Figure:
 
     # What the colours mean.
     if largest > 1:
-        add_color_bar(figure, page, streets, (1, largest))
+        add_color_bar(figure, layout, streets, (1, largest))
     else:
-        add_caption(figure, page, "each street travelled once")
-    add_remark(figure, page, hidden_planes(area.plane))
+        add_caption(figure, layout, "each street travelled once")
+    add_remark(figure, layout, hidden_planes(area.plane))
     return figure
 
 

@@ -18,23 +18,23 @@ from gpszip.view.plots.subject import Area, Subject
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from gpszip.drawing.style import Page
+    from gpszip.drawing.style import Layout
 
 __all__ = ["clean_lines", "draw_map"]
 
 
-def draw_map(subject: Subject, page: Page) -> Figure:
+def draw_map(subject: Subject, layout: Layout) -> Figure:
     """Draw the clean map, wider where it was travelled more often, over the log if it is given."""
     # What lies on the plane that is shown.
     lines, area = clean_lines(subject)
     samples = area.samples(subject)
 
     # Samples below, then the map.
-    figure, axes = map_figure([*samples, *lines.vertices], page)
+    figure, axes = map_figure([*samples, *lines.vertices], layout)
     draw_samples(axes, samples)
     draw_lines(axes, lines)
-    add_legend(figure, page, [*samples_legend(samples), *lines_legend(lines)])
-    add_remark(figure, page, hidden_planes(area.plane))
+    add_legend(figure, layout, [*samples_legend(samples), *lines_legend(lines)])
+    add_remark(figure, layout, hidden_planes(area.plane))
     return figure
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from gpszip.archive import Archive
-    from gpszip.drawing.style import Page
+    from gpszip.drawing.style import Layout
 
 __all__ = ["draw_rates"]
 
@@ -45,7 +45,7 @@ _CURVES = (("RMSE", EDGE_COLOR, "o"), ("maximum", CYCLE[-1], "s"))
 Floats = NDArray[np.float64]
 
 
-def draw_rates(subject: Subject, page: Page) -> Figure:
+def draw_rates(subject: Subject, layout: Layout) -> Figure:
     """Draw the bytes of archives over their RMSE and maximum error, on logarithmic scales.
 
     The errors are measured at the samples of the log if it is given; else they are the bounds that
@@ -58,15 +58,15 @@ def draw_rates(subject: Subject, page: Page) -> Figure:
         raise OptionError("the archives state no error bound", remedy="give the log to measure it")
 
     # A curve for the RMSE, and one for the maximum.
-    figure, axes = chart_figure(page, _ASPECT)
+    figure, axes = chart_figure(layout, _ASPECT)
     _set_scales(axes, errors, sizes)
     for number, (name, color, marker) in enumerate(_CURVES):
         _draw_curve(axes, errors[:, number], sizes, color, marker)
-        if page.legend:
+        if layout.legend:
             _label_curve(axes, errors[:, number], sizes, name, color)
 
     # What the axes and points are.
-    if page.legend:
+    if layout.legend:
         _label_archives(axes, subject, errors, sizes)
     axes.set_xlabel(f"{'' if subject.tracks else 'bound on the '}error in metres")
     axes.set_ylabel("bytes")

@@ -16,7 +16,7 @@ from gpszip.view.plots.subject import Area, Subject
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from gpszip.drawing.style import Page
+    from gpszip.drawing.style import Layout
 
 __all__ = ["draw_segments"]
 
@@ -29,7 +29,7 @@ _MAX_DOTS = 200
 Floats = NDArray[np.float64]
 
 
-def draw_segments(subject: Subject, page: Page) -> Figure:
+def draw_segments(subject: Subject, layout: Layout) -> Figure:
     """Draw the segments of all walks, each edge of the map in one colour, over the log in grey.
 
     Edges are coloured in the order in which they were first travelled, so that edges that follow
@@ -42,7 +42,7 @@ def draw_segments(subject: Subject, page: Page) -> Figure:
     area = Area.of(subject, pieces)
     samples = area.samples(subject)
     shown = [from_above(piece) for piece in pieces if area.holds(piece)]
-    figure, axes = map_figure([*samples, *shown], page)
+    figure, axes = map_figure([*samples, *shown], layout)
     draw_samples(axes, samples, GREY)
 
     # Each edge once, with its ends.
@@ -60,8 +60,8 @@ def draw_segments(subject: Subject, page: Page) -> Figure:
 
     # How many there are.
     text = f"{count_text(count, 'segment')} on {count_text(len(edges), 'edge')}"
-    add_caption(figure, page, text)
-    add_remark(figure, page, hidden_planes(area.plane))
+    add_caption(figure, layout, text)
+    add_remark(figure, layout, hidden_planes(area.plane))
     return figure
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d import Axes3D
 
-    from gpszip.drawing.style import Page
+    from gpszip.drawing.style import Layout
 
 __all__ = ["draw_space_time"]
 
@@ -54,7 +54,7 @@ _WIDTH = 0.9
 Floats = NDArray[np.float64]
 
 
-def draw_space_time(subject: Subject, page: Page) -> Figure:
+def draw_space_time(subject: Subject, layout: Layout) -> Figure:
     """Draw the knots of each track as a line that rises with time, above its path on the ground."""
     # Pieces with times on the plane that is shown.
     require_times(subject, "space-time")
@@ -77,34 +77,34 @@ def draw_space_time(subject: Subject, page: Page) -> Figure:
     ]
 
     # Lines above their shadows.
-    figure, axes = _space_figure(page, reach / metres, (last - first) / seconds)
+    figure, axes = _space_figure(layout, reach / metres, (last - first) / seconds)
     numbers = {name: number for number, name in enumerate(archive.ids)}
     colors = [CYCLE[numbers[archive.pieces[piece.id]] % len(CYCLE)] for piece in pieces]
     _draw_lines(axes, [line * (1, 1, 0) for line in lines], GREY, "ground")
     _draw_lines(axes, lines, colors, "tracks")
-    if page.legend and 1 < len(archive.ids) <= len(CYCLE):
+    if layout.legend and 1 < len(archive.ids) <= len(CYCLE):
         _name_tracks(axes, [archive.pieces[piece.id] for piece in pieces], lines)
 
     # What the axes are.
     axes.set_xlabel(f"{unit} east" if area.plane else f"x in {unit}")
     axes.set_ylabel(f"{unit} north" if area.plane else f"y in {unit}")
     axes.set_zlabel(time_label)
-    add_remark(figure, page, hidden_planes(area.plane))
+    add_remark(figure, layout, hidden_planes(area.plane))
     return figure
 
 
-def _space_figure(page: Page, reach: Floats, duration: float) -> tuple[Figure, Axes3D]:
+def _space_figure(layout: Layout, reach: Floats, duration: float) -> tuple[Figure, Axes3D]:
     """Return a figure with three axes; x and y have one scale."""
     from matplotlib.ticker import MaxNLocator
 
     # One scale on the ground, and a height that suits it.
-    figure = new_figure(page.width, page.width * _ASPECT)
+    figure = new_figure(layout.width, layout.width * _ASPECT)
     axes = cast("Axes3D", figure.add_axes((-0.06, 0.06, 0.99, 0.94), projection="3d"))
     sides = np.maximum(reach, _MIN_SIDE * max(float(reach.max()), _MIN_EXTENT))
     axes.set_xlim(0, sides[0])
     axes.set_ylim(0, sides[1])
     axes.set_zlim(0, duration or 1.0)
-    axes.set_box_aspect((*sides, _TIME_AXIS * sides.max()), zoom=_ZOOMS[page.width >= _WIDE])
+    axes.set_box_aspect((*sides, _TIME_AXIS * sides.max()), zoom=_ZOOMS[layout.width >= _WIDE])
     axes.set_proj_type("ortho")
     axes.view_init(_ELEVATION, _AZIMUTH)
 
@@ -114,7 +114,7 @@ def _space_figure(page: Page, reach: Floats, duration: float) -> tuple[Figure, A
         axis.set_major_locator(MaxNLocator(4 if share > _SHORT else 2))
         axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
     axes.tick_params(pad=-1)
-    add_title(figure, page)
+    add_title(figure, layout)
     return figure, axes
 
 

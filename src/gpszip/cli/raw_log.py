@@ -1,20 +1,29 @@
-"""Options that take several words, as a shell makes them of a pattern."""
+"""The log that was compressed, for commands that show it beside its archive."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
+from gpszip.cli.options import time_options, time_order_options
 
-__all__ = ["CommandWithLogs"]
+if TYPE_CHECKING:
+    from gpszip.archive import Archive
+    from gpszip.model import ReadResult
+
+__all__ = ["CommandWithLogs", "raw_log_options", "read_raw_log"]
 
 #: Options after which all words are files, up to the next option or archive.
 _OPTIONS = ("--raw", "--network")
 
 #: Suffix of archives, which never are values of these options unless they stand right behind them.
 _ARCHIVE = ".gpsz"
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 class CommandWithLogs(CommandWithFormats):
@@ -26,6 +35,27 @@ class CommandWithLogs(CommandWithFormats):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Repeat the option before each of its words."""
         return super().parse_args(ctx, list(_repeat_options(args)))
+
+
+def raw_log_options(command: F) -> F:
+    """Add --raw, and the options that say how it is read."""
+    raw = "Logs that were compressed, to show and to measure."
+    columns = "Which column of LOG is what: t=when,x=east,y=north."
+    command = time_options(time_order_options(command))
+    command = click.option("--columns", metavar="ROLES", help=columns)(command)
+    return click.option(
+        "--raw", metavar="LOG...", multiple=True, help=raw, shell_complete=complete_files()
+    )(command)
+
+
+def read_raw_log(raw: tuple[str, ...], archive: Archive, reading: dict[str, Any]) -> ReadResult:
+    """Read the log, without times where the archive has none.
+
+    ``reading`` holds the options of :func:`raw_log_options` but for --raw.
+    """
+    from gpszip.io.logs.read import read_logs
+
+    return read_logs(raw, times=archive.timed, **reading)
 
 
 def _repeat_options(arguments: Sequence[str]) -> Iterator[str]:
