@@ -535,8 +535,9 @@ def test_a_table_without_times_holds_shapes(tmp_path, name):
 
 def test_repeated_points_are_dropped_where_blocks_are_projected_by_other_series(tmp_path):
     """Blocks of 10,000 rows end between two rows of one position."""
-    walk = np.random.default_rng(9).normal(0, 1e-5, (7000, 2)).cumsum(axis=0)
-    lat, lon = np.repeat(np.round(walk + [48.0, 11.0], 7), 3, axis=0).T
+    steps = np.random.default_rng(9).normal(0, 1e-5, (7000, 2))
+    steps[0] = 48.0, 11.0
+    lat, lon = np.repeat(steps.cumsum(axis=0).round(7), 3, axis=0).T
     path = csv({"lat": lat, "lon": lon}, tmp_path / "log.csv")
     [expected] = read_logs(path, times=False).tracks
     with store_logs(path, rows=10_000, times=False) as log:
