@@ -36,9 +36,8 @@ POINTS = 1_000_000
 #: Runs of which the fastest counts.
 RUNS = 5
 
-#: Points of a short track, and seconds between them.
+#: Points of a short track.
 SHORT = 20
-INTERVAL = 10.0
 
 #: Streets of the town on either side, and metres between two crossings.
 STREETS = 25
@@ -128,12 +127,14 @@ def write_gpx(number: int, degrees: dict[str, np.ndarray], stamps: pa.Array) -> 
 def measure_positions() -> None:
     """Ask two archives, in metres and in degrees, for positions in order and in any order."""
     robot = patrol(20_000)
-    lane = gpszip.compress(robot, rmse=0.2, effort=1)
-    csv_log = {"t": robot.times, "lat": 48 + robot.positions[:, 1] / 111_000}
-    write_csv("walk.csv", {**csv_log, "lon": 11 + robot.positions[:, 0] / 75_000})
-    walk = gpszip.compress("walk.csv", rmse=0.2, effort=1)
+    x, y = robot.positions.T
+    write_csv("robot.csv", {"t": robot.times, "lat": 48 + y / 111_000, "lon": 11 + x / 75_000})
+    in_metres = gpszip.compress(robot, rmse=0.2, effort=1)
+    in_degrees = gpszip.compress("robot.csv", rmse=0.2, effort=1)
+
+    # Positions in each order of times, and at equal intervals.
     rng = np.random.default_rng(1)
-    for name, archive in (("x, y", lane), ("lat, lon", walk)):
+    for name, archive in (("x, y", in_metres), ("lat, lon", in_degrees)):
         view = archive[archive.ids[0]]
         times = np.linspace(view.start, view.end, POINTS)
         for order, asked in (("in order", times), ("in any order", rng.permutation(times))):
@@ -175,9 +176,11 @@ def drive(count: int) -> tuple[GridWalks, list[np.ndarray]]:
     crossings = np.array([[x, y] for x in range(STREETS) for y in range(STREETS)])
     walks, ranges = [], []
     for start in rng.integers(2, STREETS - 2, (count, 2)):
+        # Two blocks along one street, and two along another.
         first, second = np.eye(2, dtype=int)[rng.permutation(2)] * rng.choice([-1, 1], (2, 1))
-        places = start + np.array([0 * first, first, 2 * first, 2 * first + second])
-        places = np.vstack([places, places[-1] + second]) % STREETS
+        places = np.cumsum([start, first, first, second, second], axis=0)
+
+        # Each block takes the same time.
         times = np.int64(rng.integers(0, 1_000_000)) + 40 * np.arange(5)
         nodes = (places[:, 0] * STREETS + places[:, 1]).astype(np.int32)
         walks.append(GridWalk(nodes, times, np.zeros(4, np.bool_)))

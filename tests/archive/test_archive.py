@@ -19,6 +19,7 @@ from gpszip.errors import (
     UnknownTrackError,
 )
 from gpszip.graph.road_graph import build_road_graph
+from gpszip.model import GridWalk, GridWalks
 from gpszip.walks.error import positions_at
 from oracle.decoded import pieces, position
 from oracle.random_archives import PLANE, random_archive, random_walks
@@ -43,6 +44,29 @@ def test_what_was_coded_is_decoded_from_the_bytes(dimension, timed):
     assert opened.ids == ("walk 0", "walk 1")
     assert opened.timed == timed
     assert opened.to_bytes() == made.to_bytes()
+
+
+@pytest.mark.parametrize("nodes", [[5, 4, 3, 2, 1, 0], [0, 2, 1, 3, 4, 5], [0, 1, 2, 3, 4, 6]])
+def test_nodes_that_are_not_numbered_by_visit_are_refused(nodes):
+    made = random_archive()
+    walk = GridWalk(np.array(nodes, np.int32), np.arange(6), np.zeros(5, np.bool_))
+    walks = GridWalks(np.array([[30 * i, i * i] for i in range(6)]), (walk,))
+    with pytest.raises(OptionError, match="not numbered in the order in which the walks"):
+        new_archive(made.grid, ["a"], walks)
+
+
+@pytest.mark.parametrize("nodes", [[2, 0, 3, 3, 4], [3, 4, 3, 0, 1], [1, 1, 1, 1, 1]])
+def test_nodes_are_numbered_after_those_of_a_known_map(nodes):
+    """Known nodes may be visited in any order, or not at all."""
+    known = random_archive()
+    count = len(known.grid_walks.nodes)
+    nodes = np.where(np.array(nodes) >= 3, np.array(nodes) - 3 + count, nodes).astype(np.int32)
+    walk = GridWalk(nodes, np.arange(0, 50, 10), np.zeros(4, np.bool_))
+    far = known.grid_walks.nodes.max() + np.array([[10, 10], [30, 40]])
+    walks = GridWalks(np.concatenate([known.grid_walks.nodes, far]), (walk,))
+    made = new_archive(known.grid, ["a"], walks, known_map=known)
+    found = open_archive(made.to_bytes(), known).grid_walks
+    assert found.nodes[found.walks[0].nodes].tolist() == walks.nodes[nodes].tolist()
 
 
 def test_positions_agree_with_the_oracle_in_any_shape():

@@ -1,9 +1,11 @@
 """Projections by power series, compared with PROJ."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from gpszip.model import Plane
+from gpszip.model import Plane, plane_series
 from gpszip.model.plane_series import MAX_DIFFERENCE, MIN_POSITIONS
 from gpszip.model.projection import UNITS_PER_DEGREE, project, projection, to_geographic
 
@@ -46,6 +48,42 @@ def test_positions_agree_with_proj_in_both_directions(lat, lon, extent):
         np.radians(min(np.abs(lats).max(), 89.9))
     )
     assert np.abs(lon_here).max() <= 180
+
+
+@pytest.mark.parametrize(
+    ("extent_lat", "extent_lon"),
+    [(0.0, 3.0), (1e-13, 3.0), (1e-9, 3.0), (3.0, 0.0), (1e-300, 1e-300), (1e-310, 1e-310)],
+)
+def test_narrow_regions_agree_with_proj(extent_lat, extent_lon):
+    rng = np.random.default_rng(2)
+    lats, lons = rng.uniform(0, [[extent_lat], [extent_lon]], (2, MIN_POSITIONS))
+    expected = np.stack(projection((0, 0)).transform(lons, lats))
+    assert np.abs(np.stack(project(lats, lons, (0, 0))) - expected).max() <= 2 * MAX_DIFFERENCE
+
+
+def test_series_of_a_narrow_region_that_differs_from_proj_is_not_used(monkeypatch):
+    """Few points of the disk about it have a latitude of the region."""
+    original = plane_series._series_on
+
+    def wrong_series(disk, values, noise):
+        series = original(disk, values, noise)
+        return replace(series, coefficients=series.coefficients * (1 + 1e-9))
+
+    monkeypatch.setattr(plane_series, "_series_on", wrong_series)
+    lats, lons = np.linspace(48, 48 + 1e-9, MIN_POSITIONS), np.linspace(8, 14, MIN_POSITIONS)
+    center = (480_000_000, 110_000_000)
+    expected = np.stack(projection(center).transform(lons, lats))
+    assert (np.stack(project(lats, lons, center)) == expected).all()
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_others_are_projected_beside_a_position_that_is_not_finite(wrong, axis):
+    degrees = np.stack(region(48.0, 11.0, 1.0))
+    degrees[axis, 5] = wrong
+    positions = np.stack(project(*degrees, (480_000_000, 110_000_000)))
+    assert not np.isfinite(positions[:, 5]).any()
+    assert np.isfinite(np.delete(positions, 5, axis=1)).all()
 
 
 def test_one_position_many_times_is_projected():

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gpszip.archive.archive import Archive
 from gpszip.container.contents import Contents, Group, MapReference, Section
+from gpszip.errors import OptionError
 from gpszip.model.error_bound import ErrorBound
 from gpszip.model.grid import QuantisationGrid, refined_grid, step_index
 from gpszip.model.grid_walks import GridWalks, ends_of_walks
@@ -74,12 +75,18 @@ def new_archive(
     -------
     Archive
         One that has decoded nothing yet: its answers come from the bytes.
+
+    Raises
+    ------
+    OptionError
+        If nodes are numbered in another way.
     """
     from gpszip.codec.ends import find_piece_ends
     from gpszip.codec.modes import encode_smallest
 
     # The grid and the prior are those of the known map, where there is one.
     prior = None if known_map is None else known_map.prior(refinements)
+    _check_numbers(grid_walks, 0 if prior is None else prior.nodes)
     walks_grid = grid if known_map is None else refined_grid(known_map.grid, refinements)
     if time_ranges is not None and grid_walks.timed:
         ends = find_piece_ends(time_ranges, grid_walks, walks_grid, step)
@@ -105,6 +112,18 @@ def new_archive(
     if known_map is not None and contents.is_single_group and contents.ids == known_map.ids[:1]:
         contents = replace(contents, ids=None)
     return Archive(contents, known_map)
+
+
+def _check_numbers(grid_walks: GridWalks, known: int) -> None:
+    """Refuse nodes that are not numbered by visit: decoded walks would visit others."""
+    # The first visit to a node gives it the number after the highest so far.
+    nodes = np.concatenate([np.array([known - 1]), *(walk.nodes for walk in grid_walks.walks)])
+    highest = np.maximum.accumulate(nodes)
+    if (nodes[1:] > highest[:-1] + 1).any() or highest[-1] >= len(grid_walks.nodes):
+        raise OptionError(
+            "nodes are not numbered in the order in which the walks first visit them",
+            remedy="number them by gpszip.codec.numbering.number_by_visit",
+        )
 
 
 def with_sections(archive: Archive, extras: Sequence[Section]) -> Archive:

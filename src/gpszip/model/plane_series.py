@@ -30,7 +30,7 @@ _ECCENTRICITY = float(np.sqrt((2 - 1 / 298.257223563) / 298.257223563))
 #: Degrees in a radian.
 _DEGREES = 180.0 / np.pi
 
-#: Metres in a radian of latitude at the equator or more.
+#: Metres in a radian of latitude or longitude: 6.40e6 of latitude at a pole, less elsewhere.
 _METRES_PER_RADIAN = 6.4e6
 
 #: Latitude in degrees beyond which the isometric latitude grows too fast for a short series.
@@ -43,6 +43,9 @@ _INTERVAL_NODES = 24
 #: Largest radius of a disk in metres, and in radians.
 _MAX_RADIUS = 400_000.0
 _MAX_ANGLE = 0.35
+
+#: Radius of a disk, in metres or radians, below which positions differ by rounding alone.
+_MIN_RADIUS = 1e-15
 
 #: Coefficients below these, in metres and in radians, are rounding errors of PROJ: it computes
 #: metres as multiples of the radius of the earth.
@@ -227,7 +230,7 @@ def _fit_inverse(
     to_isometric = _series_on(disk, isometric + 1j * np.radians(_turn(lon, lon_0)), _ANGLE_NOISE)
 
     # From there to latitude. The real part of an analytic function is largest on the circle.
-    to_latitude = _series_to_latitude(float(isometric.min()), float(isometric.max()))
+    to_latitude = _series_between(float(isometric.min()), float(isometric.max()), _latitude)
 
     # Compare with PROJ.
     if to_isometric is None or to_latitude is None:
@@ -247,13 +250,14 @@ def _fit_forward(
     """Fit series to a projection about positions; None if they don't agree with it."""
     # From latitude to isometric latitude, on an interval that holds the disk below.
     lowest, highest = float(lat.min()), float(lat.max())
-    if not max(-lowest, highest) < _MAX_LATITUDE:
+    is_finite = np.isfinite([lon.min(), lon.max()]).all()
+    if not (is_finite and max(-lowest, highest) < _MAX_LATITUDE):
         return None
     low, high = _isometric(np.radians(np.array([lowest, highest])))
     disk = _disk_about(np.array([low, high]), np.radians(_turn(lon, lon_0)))
     if disk is None or disk.radius > _MAX_ANGLE:
         return None
-    to_isometric = _series_to_isometric(np.radians(lowest), np.radians(highest))
+    to_isometric = _series_between(np.radians(lowest), np.radians(highest), _isometric)
 
     # From isometric latitude and longitude to the plane, by values on a circle.
     circle = disk.circle
@@ -263,27 +267,27 @@ def _fit_forward(
     # Compare with PROJ.
     if to_isometric is None or to_metres is None:
         return None
+    # Points north or south of the interval move to its ends, so that a narrow one has all of them.
     points = disk.inner_points
-    points = points[(points.real >= low) & (points.real <= high)]
-    at_lat, at_lon = np.degrees(_latitude(points.real)), np.degrees(points.imag) + lon_0
-    differences = np.subtract(
+    at_lat = np.clip(np.degrees(_latitude(points.real)), lowest, highest)
+    at_lon = np.degrees(points.imag) + lon_0
+    errors = np.subtract(
         _project((to_isometric, to_metres), at_lat, at_lon, lon_0), forward(at_lon, at_lat)
     )
-    return (
-        (to_isometric, to_metres)
-        if np.abs(differences).max(initial=0.0) <= MAX_DIFFERENCE
-        else None
-    )
+    return (to_isometric, to_metres) if np.abs(errors).max() <= MAX_DIFFERENCE else None
 
 
 def _disk_about(real: Floats, imaginary: Floats) -> _Disk | None:
-    """The disk about the rectangle that holds all values; None if one is not finite."""
+    """The disk about the rectangle that holds all values.
+
+    None if a value is not finite, or all are one to rounding.
+    """
     corners = np.array([real.min(), real.max(), imaginary.min(), imaginary.max()])
     if not np.isfinite(corners).all():
         return None
     low, high = complex(corners[0], corners[2]), complex(corners[1], corners[3])
     radius = abs(high - low) / 2
-    return _Disk((low + high) / 2, radius) if radius > 0 else None
+    return _Disk((low + high) / 2, radius) if radius > _MIN_RADIUS else None
 
 
 def _series_on(disk: _Disk, values: Complexes, noise: float) -> _Series | None:
@@ -295,22 +299,15 @@ def _series_on(disk: _Disk, values: Complexes, noise: float) -> _Series | None:
     return _shortened(disk.center, disk.radius, coefficients, noise)
 
 
-def _series_to_latitude(low: float, high: float) -> _Series | None:
-    """Series from isometric latitude to latitude, in radians."""
-    return _series_between(low, high, _latitude)
-
-
-def _series_to_isometric(low: float, high: float) -> _Series | None:
-    """Series from latitude to isometric latitude, in radians."""
-    return _series_between(low, high, _isometric)
-
-
 def _series_between(
     low: float, high: float, function: Callable[[Floats], Floats]
 ) -> _Series | None:
-    """Power series of a function on an interval, by interpolation at Chebyshev points."""
+    """Power series of a function on an interval, by interpolation at Chebyshev points.
+
+    None if the interval is a point, or the series is too long.
+    """
     center, radius = (low + high) / 2, (high - low) / 2
-    if radius <= 0:
+    if radius <= _MIN_RADIUS:
         return None
 
     # Without its middle, values are smaller, and so are rounding errors.

@@ -111,9 +111,10 @@ class Track:
         if not self.timed:
             raise OptionError("has no times, so no time range", location=f"track {self.id!r}")
 
-        # Name the likely mistake where nothing is found.
         # The first sample at or after each end: one at ``begin`` counts, one at ``end`` doesn't.
         first, last = np.searchsorted(self.times, [begin, end]).tolist()
+
+        # Name the likely mistake where nothing is found.
         if first >= last:
             bounds = np.array([begin, end])
             raise OptionError(
@@ -121,6 +122,8 @@ class Track:
                 location=f"track {self.id!r}",
                 remedy=wrong_unit(bounds, *self.times[[0, -1]].tolist()),
             )
+
+        # Take these samples.
         rows = slice(first, last)
         return replace(
             self,

@@ -533,6 +533,28 @@ def test_a_table_without_times_holds_shapes(tmp_path, name):
             assert np.array_equal(own, expected.attributes["note"])
 
 
+def test_repeated_points_are_dropped_where_blocks_are_projected_by_other_series(tmp_path):
+    """Blocks of 10,000 rows end between two rows of one position."""
+    steps = np.random.default_rng(9).normal(0, 1e-5, (7000, 2))
+    steps[0] = 48.0, 11.0
+    lat, lon = np.repeat(steps.cumsum(axis=0).round(7), 3, axis=0).T
+    path = csv({"lat": lat, "lon": lon}, tmp_path / "log.csv")
+    [expected] = read_logs(path, times=False).tracks
+    with store_logs(path, rows=10_000, times=False) as log:
+        found = log.read(log.tracks[0])
+    assert (len(found), len(expected)) == (7000, 7000)
+    assert np.abs(found.positions - expected.positions).max() < 1e-7
+
+
+def test_a_block_of_outliers_alone_is_left_out(tmp_path, monkeypatch):
+    monkeypatch.setattr(store, "_MIN_ROWS", 1)
+    lat, lon = np.full(40, 48.0) + np.arange(40) / 1e6, np.full(40, 11.0)
+    lat[20] = 49.0
+    path = csv({"t": np.arange(40), "lat": lat, "lon": lon}, tmp_path / "log.csv")
+    with store_logs(path, rows=1, clean=True) as log:
+        assert log.sample_count == 39
+
+
 def test_geojson_leaves_out_the_same_as_in_memory(tmp_path):
     geometry = '{"type":"LineString","coordinates":[[8,50],[8,51]]}'
     line = f'{{"type":"Feature","properties":{{"times":[0,1]}},"geometry":{geometry}}}'

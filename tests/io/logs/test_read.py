@@ -143,3 +143,17 @@ def test_the_format_can_be_forced():
 
 def test_a_one_point_log_is_fine():
     assert ids(read_logs(io.BytesIO(b"t,lat,lon\n5,1,1\n"))) == [("0", [5])]
+
+
+@pytest.mark.parametrize("other", ["1.5", "stop"])
+def test_attributes_of_a_track_keep_their_kind_beside_those_of_another_file(tmp_path, other):
+    """A float64 can't hold the large number, and a text is no number."""
+    header = "track_id,t,x,y,note"
+    put(
+        tmp_path,
+        a=[header, "a,0,0,0,9007199254740993", "a,1,1,0,5"],
+        b=[header, f"b,0,0,0,{other}", f"b,1,1,0,{other}"],
+    )
+    first, _ = read_logs(str(tmp_path / "*.csv"), keep=["note"]).tracks
+    assert first.attributes["note"].dtype == np.int64
+    assert first.attributes["note"].tolist() == [9007199254740993, 5]

@@ -342,11 +342,25 @@ def _drop_outliers(
 
 def _on_plane(log: CollectedLog, blocks: Iterator[_Block], plane: Plane | None) -> Iterator[_Block]:
     """Yield blocks with positions in metres."""
+    if plane is None:
+        yield from blocks
+        return
+    last_degrees, last_metres = np.full(2, np.nan), np.full(2, np.nan)
     for block in blocks:
-        if plane is not None:
-            # Latitude and longitude give way to x and y.
-            rows, width = block.rows, 1 + log.dimension
-            rows[:, 1:width] = to_plane(rows[:, 1], rows[:, 2], plane)
+        # All rows of a block may be outliers.
+        if not len(block.rows):
+            continue
+
+        # Find the rows at the position with which the block before ends. The same degrees may
+        # differ by 1e-8 m from block to block (gpszip.model.plane_series): a shape would move.
+        positions = block.rows[:, 1 : 1 + log.dimension]
+        stays = np.logical_and.accumulate((positions == last_degrees).all(axis=1))
+        last_degrees = positions[-1].copy()
+
+        # Latitude and longitude give way to x and y.
+        positions[:] = to_plane(positions[:, 0], positions[:, 1], plane)
+        positions[stays] = last_metres
+        last_metres = positions[-1].copy()
         yield block
 
 

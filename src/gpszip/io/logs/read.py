@@ -221,10 +221,10 @@ def read_logs(
 
 
 def _may_share_rows(log: CollectedLog, blocks: Sequence[LogRows]) -> bool:
-    """Whether all tracks have times and the same attributes, so that they may share arrays."""
-    return all(track.timed for track in log.tracks) and all(
-        block.attributes.keys() == blocks[0].attributes.keys() for block in blocks
-    )
+    """Whether all tracks have times and attributes of one kind, so that they may share arrays."""
+    # Integers of one file would become floats beside those of another, and numbers texts.
+    kinds = [{name: cells.dtype.kind for name, cells in b.attributes.items()} for b in blocks]
+    return all(track.timed for track in log.tracks) and all(kind == kinds[0] for kind in kinds)
 
 
 def _share_rows(log: CollectedLog, blocks: Sequence[LogRows]) -> list[Track]:
