@@ -23,6 +23,36 @@ def add_squares(values):
     return total
 """
 
+#: A kernel that calls functions of the C library and of numba: logarithms and powers, sorting,
+#: errors, and arrays that count references.
+HELPERS_MODULE = """
+import math
+import numpy as np
+from gpszip.kernels.jit import jit
+
+@jit
+def call_helpers(x):
+    if len(x) == 0:
+        raise ValueError("empty")
+    total = math.log2(x[0]) + math.hypot(x[0], x[1]) + math.erf(x[1]) + math.gamma(x[0])
+    for i in np.argsort(x):
+        total += math.sin(x[i]) * math.exp(x[i]) + math.atan2(x[i], total) + x[i] ** 1.5
+    return total
+"""
+
+#: Call it in a process of its own; print its result, how many kernels are compiled, and whether all
+#: that the compiler knows is imported.
+CALL_HELPERS = """
+import sys
+import numpy as np
+from gpszip.kernels.compiling import on_compile
+from fresh.helpers import call_helpers
+events = []
+with on_compile(lambda: events.append(1)):
+    result = call_helpers(np.array([1.5, 0.25, 3.0]))
+print(result.hex(), len(events), "numba.np.linalg" in sys.modules)
+"""
+
 #: Run the kernel, and print its result and how many kernels are compiled; write those if asked.
 RUN = """
 import sys
@@ -44,16 +74,17 @@ print(result, len(events))
 
 
 @pytest.fixture
-def run(tmp_path):
+def start(tmp_path):
     (tmp_path / "fresh").mkdir()
-    (tmp_path / "fresh/kernels.py").write_text(MODULE)
     (tmp_path / "fresh/__init__.py").touch()
+    (tmp_path / "fresh/kernels.py").write_text(MODULE)
+    (tmp_path / "fresh/helpers.py").write_text(HELPERS_MODULE)
 
-    def run(cache, action, *words, **environment):
-        """Run the kernel with an empty or used cache, and return the numbers printed."""
+    def start(script, cache, *words, **environment):
+        """Run a script with an empty or used cache, and return the words printed."""
         search = os.pathsep.join([str(tmp_path), *sys.path])
         done = subprocess.run(
-            [sys.executable, "-c", RUN, action, *words],
+            [sys.executable, "-c", script, *words],
             cwd=tmp_path,
             env={
                 **os.environ,
@@ -66,7 +97,16 @@ def run(tmp_path):
             check=False,
         )
         assert done.returncode == 0, done.stderr
-        return [int(word) for word in done.stdout.split()]
+        return done.stdout.split()
+
+    return start
+
+
+@pytest.fixture
+def run(start):
+    def run(cache, action, *words, **environment):
+        """Run the kernel with an empty or used cache, and return the numbers printed."""
+        return [int(word) for word in start(RUN, cache, action, *words, **environment)]
 
     return run
 
@@ -86,6 +126,13 @@ def test_a_kernel_compiled_for_any_processor_is_not_compiled_again(run, tmp_path
 def test_a_kernel_compiled_by_other_versions_is_compiled_again(run):
     _, _, compiled = run("cache1", "write", NUMBA_CPU_NAME="generic")
     assert run("cache2", "read", "cpython-399", "0.1", "x86_64-unknown") == [14, compiled]
+
+
+def test_a_cached_kernel_finds_numbas_functions_without_the_compiler(start):
+    result, compiled, is_imported = start(CALL_HELPERS, "cache")
+    assert int(compiled) > 0
+    assert is_imported == "True"
+    assert start(CALL_HELPERS, "cache") == [result, "0", "False"]
 
 
 def test_the_platform_has_no_version():

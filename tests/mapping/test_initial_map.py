@@ -156,6 +156,73 @@ def test_many_nodes_are_placed_step_by_step_as_few_are_at_once(seed, monkeypatch
     assert abs(stepwise - start).max() > 1
 
 
+def many_knots(seed, nodes, dimension):
+    """As :func:`random_knots`, of longer tracks whose nodes follow each other at random."""
+    rng = np.random.default_rng(seed)
+    tracks = [
+        Track(
+            name,
+            np.cumsum(rng.integers(1, 900, 6000)) / 1000,
+            np.cumsum(rng.normal(0, 1, (6000, dimension)), axis=0),
+        )
+        for name in "ab"
+    ]
+    gaps = [np.zeros(5999, bool)] * 2
+    time_grid = build_time_grid(tracks, gaps, QuantisationGrid((0,) * dimension, 0, 112, 132))
+    slot_nodes = np.where(rng.random(len(time_grid.time_steps)) < 0.5, 0, -1)
+    slot_nodes[time_grid.first_slots] = slot_nodes[time_grid.last_slots] = 0
+    knots = int((slot_nodes >= 0).sum())
+    slot_nodes[slot_nodes >= 0] = rng.permutation(np.arange(knots) % nodes)
+    return time_grid, slot_nodes, rng.normal(0, 20, (nodes, dimension))
+
+
+@pytest.mark.parametrize(("fixed", "dimension"), [(0, 1), (0, 2), (70, 2), (70, 3)])
+def test_more_than_a_thousand_nodes_are_placed_as_the_direct_solution(
+    fixed, dimension, monkeypatch
+):
+    time_grid, slot_nodes, positions = many_knots(fixed, 1200, dimension)
+    segments = list_segments(time_grid, slot_nodes, len(positions))
+    placed = placement.place_nodes(segments, positions, fixed)
+
+    monkeypatch.setattr(initial_map, "_MAX_DIRECT_NODES", len(positions))
+    direct = placement.place_nodes(segments, positions, fixed)
+    np.testing.assert_allclose(placed, direct, atol=0.01)
+    np.testing.assert_array_equal(placed[:fixed], positions[:fixed])
+    # They were placed in two ways.
+    assert (placed != direct).any()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nodes_placed_in_too_few_steps_have_less_error_than_at_the_start(seed, monkeypatch):
+    # Nodes in a row take about twenty steps.
+    time_grid, slot_nodes, _ = many_knots(seed, 1200, 2)
+    knots = int((slot_nodes >= 0).sum())
+    slot_nodes[slot_nodes >= 0] = np.arange(knots)
+    segments = list_segments(time_grid, slot_nodes, knots)
+    start = time_grid.positions[slot_nodes >= 0] + 30.0
+
+    errors = [squared_error(segments, start)]
+    for steps in (1, 2, 5, 10):
+        monkeypatch.setattr(initial_map, "_MAX_STEPS", steps)
+        errors.append(squared_error(segments, placement.place_nodes(segments, start)))
+    assert (np.diff(errors) < 0).all()
+
+
+def test_kernels_take_matrices_of_few_and_many_nodes_alike(monkeypatch):
+    time_grid, slot_nodes, positions = random_knots(0)
+    systems = []
+    for limit in (len(positions), 0):
+        monkeypatch.setattr(initial_map, "MAX_DENSE_NODES", limit)
+        segments = list_segments(time_grid, slot_nodes, len(positions))
+        stiffness, right = normal_equations(segments, positions)
+        systems.append((type(stiffness), *initial_map._compress_rows(stiffness), right))
+    (dense, *few), (sparse, *many) = systems
+    assert dense is not sparse
+    for one, other in zip(few, many, strict=True):
+        assert one.dtype == other.dtype
+        np.testing.assert_allclose(one, other)
+
+
 def random_system(nodes, seed):
     """A sparse symmetric positive definite matrix, and a right-hand side."""
     rng = np.random.default_rng(seed)

@@ -136,6 +136,15 @@ def test_bad_samples_are_refused_and_not_taken_in():
     assert matcher.push(1.0, [9.0, 0.0]).offset >= 0
 
 
+def test_a_sample_that_is_refused_is_named_by_its_time_in_full():
+    matcher = LiveMatcher(town(), SCALES)
+    matcher.push(1700000000.25, [0.0, 0.0])
+    with pytest.raises(TrackError, match=r"time 1700000000 is not later than 1700000000\.25"):
+        matcher.push(1700000000.0, [1.0, 0.0])
+    with pytest.raises(TrackError, match=r"sample at 1700000001\.5 s"):
+        matcher.push(1700000001.5, [math.inf, 0.0])
+
+
 def test_a_finished_matcher_begins_a_new_track():
     matcher = LiveMatcher(town(), SCALES, lag=3)
     track = Track("bus", *drives(vehicles=1, duration=60.0)["bus-0"])

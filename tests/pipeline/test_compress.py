@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from gpszip.archive import open_archive
 from gpszip.errors import BoundError, InputError, OptionError
 from gpszip.geo.planes import choose_plane, to_plane
+from gpszip.kernels.jit import CACHES
 from gpszip.model import Options, Plane, Progress, Track
 from gpszip.model.log import MemoryLog
 from gpszip.model.read_result import ReadResult
@@ -397,20 +398,63 @@ def test_progress_is_reported_up_to_the_end():
     assert events[-1].done == 1
 
 
-def test_nothing_is_compiled_after_warming():
+@pytest.fixture(scope="module")
+def warmed():
+    """The shares done that are reported while all kernels are compiled."""
     events: list[Progress] = []
     warm(events.append)
-    done = [event.done for event in events]
-    assert done == sorted(done)
-    assert done[-1] == 1.0
-    process = subprocess.run(
-        [sys.executable, "-c", COUNT_COMPILATIONS],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120,
-    )
-    assert process.stdout == "0\n"
+    return [event.done for event in events]
+
+
+def run_script(script):
+    """What a Python script prints in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=120
+    ).stdout
+
+
+def test_nothing_is_compiled_after_warming(warmed):
+    assert warmed == sorted(warmed)
+    assert warmed[-1] == 1.0
+    assert run_script(COUNT_COMPILATIONS) == "0\n"
+
+
+@pytest.mark.skipif(not CACHES, reason="this numba caches in its own way")
+def test_each_kernel_is_loaded_without_the_compiler_after_warming(warmed):
+    # Machine code that lacks a function of numba ends the process.
+    missing, compilations, has_registries = run_script(LOAD_KERNELS).splitlines()
+    assert missing == "[]"
+    assert (compilations, has_registries) == ("0", "False")
+
+
+LOAD_KERNELS = """
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import gpszip
+from gpszip.kernels import precompiled
+from gpszip.kernels.compiling import on_compile
+from numba.core.registry import cpu_target
+
+package = Path(gpszip.__file__).parent
+for path in sorted(package.rglob("kernels/*.py")):
+    name = path.relative_to(package.parent).with_suffix("").as_posix().replace("/", ".")
+    import_module(name.removesuffix(".__init__"))
+
+# Each kernel for all types of arguments for which it is compiled, which a kernel without any lacks.
+missing, compilations = [], []
+context = cpu_target.target_context
+processor = context.codegen().magic_tuple()
+with on_compile(lambda: compilations.append(1)):
+    for cache in precompiled._CACHES:
+        index = cache.numba._cache_file._load_index()
+        signatures = [key[0] for key in index if key[1] == processor]
+        loaded = [cache.load_overload(signature, context) for signature in signatures]
+        if not loaded or None in loaded:
+            missing.append(cache._function.__qualname__)
+print(missing, len(compilations), "numba.np.linalg" in sys.modules, sep="\\n")
+"""
 
 
 COUNT_COMPILATIONS = """

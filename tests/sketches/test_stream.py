@@ -110,6 +110,17 @@ def test_invalid_samples_are_refused_and_not_added():
         CoresetStream(0)
 
 
+def test_errors_of_slices_name_times_in_full():
+    times = 1700000000.25 + np.arange(50)
+    stream = CoresetStream(4)
+    stream.push(times, np.zeros((50, 1)))
+    with pytest.raises(TrackError, match=r"time 1700000007\.25 is not later"):
+        stream.push([times[7]], [[0.0]])
+    one = stream.coreset()
+    with pytest.raises(OptionError, match=r"overlap at time 1700000000\.25"):
+        merge_coresets([one, one])
+
+
 def test_coresets_of_two_slices_merge_to_one_track():
     track = patrol(6000)
     a = Track("0", track.times[:2500], track.positions[:2500])

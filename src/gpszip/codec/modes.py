@@ -66,8 +66,8 @@ def encode_smallest(
     >>> decode(data, dimension=2, tracks=1).walks[0].time_steps.tolist()
     [0, 9, 18]
     """
-    # Without modes, which also measures the bits of each step.
-    # The mode of shortest paths needs these bits: a target pays where it saves more than it costs.
+    # Without modes, which also measures the bits of each step. The mode of shortest paths needs
+    # them: a target pays where it saves more than it costs.
     step_bits = _zero_bits(walks)
     plain, model = encode_in_modes(walks, prior, 0, step_bits, grid)
 

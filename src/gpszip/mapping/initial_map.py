@@ -51,13 +51,15 @@ MAX_DENSE_NODES = 64
 #: Stiffness that holds every node where it is, so that a node without samples stays.
 _ANCHOR = 1e-5
 
-#: Nodes up to which the M-step is solved at once: below, it takes less than 5 ms. Of 6,000 nodes
-#: with 12 neighbours each, it takes 1.2 s, and steps towards the solution 2 ms.
+#: Nodes up to which the M-step is solved at once: below, it takes less than 40 ms. Of 6,000 nodes
+#: with 12 neighbours each, it takes 40 ms where these have near numbers, and 3 s where they have
+#: any; steps towards the solution take 2 ms.
 _MAX_DIRECT_NODES = 1000
 #: Grid steps by which a node may miss its optimum between its neighbours.
 _TOLERANCE = 1e-3
-#: Largest number of steps: most maps take 10 to 30; those that take more hold nodes that hardly any
-#: sample binds.
+#: Largest number of steps: most maps take 5 to 30; those that take more hold nodes that hardly any
+#: sample binds. Each step lessens the error; of 7,454 nodes that take more than 100, a millionth of
+#: what the direct solution saves was left.
 _MAX_STEPS = 100
 
 #: Passes over all nodes when their positions are rounded.
@@ -229,7 +231,8 @@ def solve_positions(
     """Solve the M-step: the positions of all nodes at once.
 
     It is one sparse symmetric positive definite system. With many nodes, it is solved from the
-    positions ``start`` on, if these are given, to a thousandth of a grid step.
+    positions ``start`` on, if these are given, until no node alone would move by a thousandth of a
+    grid step.
     """
     if stiffness.shape[0] == 0:
         return right
@@ -265,8 +268,9 @@ def _compress_rows(
     matrix: Matrix,
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
     """Offsets, columns and values of a matrix in CSR form."""
+    # SciPy keeps indices of 64 bits, with which kernels would be compiled once more.
     if not isinstance(matrix, np.ndarray):
-        return matrix.indptr, matrix.indices, matrix.data
+        return matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), matrix.data
     rows, columns = np.nonzero(matrix)
     offsets = np.searchsorted(rows, np.arange(len(matrix) + 1))
     return offsets.astype(np.int32), columns.astype(np.int32), matrix[rows, columns]

@@ -161,7 +161,7 @@ def _find_samples_near_misses(
 def _enforce_on_samples(
     track: Track, walk: GridWalk, nodes: NDArray[np.int64], grid: QuantisationGrid, max_error: float
 ) -> tuple[GridWalk, NDArray[np.int64], bool]:
-    """The same for some of a track's samples."""
+    """Changed walk and nodes, and whether some of a track's samples still miss the maximum."""
     # Find the samples that miss the maximum; give up after some rounds without a new knot.
     stale_rounds = 0
     for turn in range(_MAX_ROUNDS):

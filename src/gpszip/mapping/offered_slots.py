@@ -40,7 +40,7 @@ def mask_offered_slots(
     time_grid : TimeGrid
         All slots.
     slot_nodes : int64 array, shape (S,)
-        Node of each slot, -1 where there is no knot.
+        Node of each slot, -1 where there is no knot; each piece begins and ends with one.
     slots_per_knot : float
         Slots to offer for each knot, evenly spread, beside those next to knots.
     turn : int

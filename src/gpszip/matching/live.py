@@ -248,10 +248,10 @@ class LiveMatcher:
         if len(point) < self.index.dimension:
             point = np.append(point, np.zeros(self.index.dimension - len(point)))
         if not (math.isfinite(time) and all(map(math.isfinite, point.tolist()))):
-            raise TrackError(f"sample at {time:g} s is not finite; drop it")
+            raise TrackError(f"sample at {time:.15g} s is not finite; drop it")
         if time <= self._newest_time:
             raise TrackError(
-                f"time {time:g} is not later than {self._newest_time:g}; drop the sample"
+                f"time {time:.15g} is not later than {self._newest_time:.15g}; drop the sample"
             )
 
         # Match all samples whose means are known now.

@@ -182,7 +182,7 @@ class CoresetStream:
         if goes_back.any():
             row = int(goes_back.argmax())
             raise TrackError(
-                f"time {times[row]:g} is not later than the one before",
+                f"time {times[row]:.15g} is not later than the one before",
                 location=f"{name}: sample {self.samples + row}",
                 remedy="sort or split the track",
             )
@@ -245,7 +245,7 @@ def merge_coresets(coresets: Sequence[Coreset], *, size: int | None = None) -> C
     if overlaps.any():
         row = int(overlaps.argmax())
         raise OptionError(
-            f"two slices overlap at time {rows[row + 1, kernel.FIRST]:g}",
+            f"two slices overlap at time {rows[row + 1, kernel.FIRST]:.15g}",
             location=f"track {names[owners[row]]!r}",
             remedy="give each its own name",
         )
