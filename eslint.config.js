@@ -2,7 +2,7 @@
 export default [
   {
     files: ["src/gpszip/view/assets/script/*.js"],
-    languageOptions: { ecmaVersion: 2023, sourceType: "module" },
+    languageOptions: { ecmaVersion: 2022, sourceType: "module" },
     rules: {
       eqeqeq: "error",
       "max-depth": ["error", 4],

@@ -94,3 +94,8 @@ def test_errors_say_which_sample():
 def test_weights_are_positive_and_finite(weight):
     with pytest.raises(TrackError, match="2 positive finite numbers"):
         Track("walk", [0, 1], [[0.0], [1.0]], weights=[1.0, weight])
+
+
+def test_an_error_names_times_in_full():
+    with pytest.raises(TrackError, match=r"time 1700000000\.5 is not later than 1700000001"):
+        Track("walk", [1_700_000_001.0, 1_700_000_000.5], [[0.0], [1.0]])

@@ -1,5 +1,6 @@
 import re
 from importlib.resources import files
+from pathlib import Path
 
 import pytest
 
@@ -67,3 +68,12 @@ def test_the_names_of_all_modules_of_the_page_are_different():
     script = join_modules(sources)
     assert all(name in script for name in declared)
     assert "</script" not in script.lower()
+
+
+def test_the_documentation_lists_all_layers_with_their_keys():
+    source = (files("gpszip.view") / "assets" / "script" / "layers.js").read_text()
+    layers = re.findall(r'\bkey: "(.)",\s*label: "([^"]+)"', source)
+    documentation = (Path(__file__).parents[2] / "docs" / "view.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^\| ([a-z, ]+) \| (\w) \|", documentation, re.MULTILINE)
+    assert [(label.lower(), key) for key, label in layers] == listed
+    assert len(layers) > 10

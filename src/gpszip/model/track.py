@@ -283,7 +283,7 @@ def _check(track: Track) -> None:
     if late.any():
         sample = int(late.argmax()) + 1
         raise TrackError(
-            f"time {times[sample]:g} is not later than {times[sample - 1]:g}",
+            f"time {times[sample]:.15g} is not later than {times[sample - 1]:.15g}",
             location=f"{name}: sample {sample}",
             remedy="sort or split the track",
         )

@@ -12,13 +12,6 @@ from gpszip.view.blocks import pack_lines
 from gpszip.view.page import build_page
 from gpszip.view.scene import ShownArchive, build_scene, log_scene, map_scene
 
-try:
-    from selenium import webdriver
-
-    from view.browser.driving import Page
-except ImportError:  # no selenium to drive a browser with
-    collect_ignore_glob = ["*.py"]
-
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 CHROMEDRIVER = shutil.which("chromedriver")
 
@@ -42,6 +35,8 @@ NAMES = ["<img src=x onerror=alert(1)>", "</script><script>document.title='bad'<
 def browser():
     if CHROMIUM is None or CHROMEDRIVER is None:
         pytest.skip("no chromium and chromedriver to show pages with")
+    from selenium import webdriver
+
     options = webdriver.ChromeOptions()
     options.binary_location = CHROMIUM
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
@@ -128,8 +123,8 @@ def robot_path(folder, robot):
 
 @pytest.fixture(scope="session")
 def pair_path(folder, fleet, fleet_tracks):
-    """Page of two archives."""
-    coarse = gpszip.compress(fleet_tracks, rmse=20.0, effort=1, gap=60.0)
+    """Page of two archives, the second one without the first track."""
+    coarse = gpszip.compress(fleet_tracks[1:], rmse=20.0, effort=1, gap=60.0)
     pair = ((fleet, "a.gpsz"), (coarse, "b.gpsz"))
     shown = [ShownArchive(archive, name, fleet_tracks) for archive, name in pair]
     return save(folder, "pair", build_scene(shown, title="pair"))
@@ -202,16 +197,22 @@ def _ferry():
     return gpszip.compress(track, rmse=20.0, effort=1), track
 
 
+def _open(browser, path):
+    from view.browser.driving import Page  # which needs selenium
+
+    return Page(browser, path).open()
+
+
 @pytest.fixture
 def fleet_page(browser, fleet_path):
-    return Page(browser, fleet_path).open()
+    return _open(browser, fleet_path)
 
 
 @pytest.fixture
 def robot_page(browser, robot_path):
-    return Page(browser, robot_path).open()
+    return _open(browser, robot_path)
 
 
 @pytest.fixture
 def pair_page(browser, pair_path):
-    return Page(browser, pair_path).open()
+    return _open(browser, pair_path)

@@ -7,13 +7,23 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from selenium.webdriver import ActionChains, Keys
-from selenium.webdriver.remote.webdriver import WebDriver
+import numpy as np
+import pytest
+from numpy.typing import NDArray
 
 from gpszip.view.script import join_modules
 
+try:
+    from selenium.webdriver import ActionChains, Keys
+    from selenium.webdriver.remote.webdriver import WebDriver
+except ImportError:  # this skips each module of tests, as all import this one
+    pytest.skip("no selenium to drive a browser with", allow_module_level=True)
+
 #: Seconds to wait for anything that takes a frame or a few.
 PATIENCE = 20.0
+
+#: Background of the map in light colours.
+PAPER = "#fbfbf9"
 
 #: Pixels of a colour on the map or on what moves above it.
 COUNT = """
@@ -27,6 +37,18 @@ const wanted = colours.map((hex) => {
 let count = 0;
 for (const pixel of new Uint32Array(image.data.buffer)) if (wanted.includes(pixel)) count++;
 return count;
+"""
+
+#: Red, green and blue of the pixels of the map that have another colour.
+OTHERS = """
+const canvas = document.querySelector(".pane canvas");
+const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+const wanted = [1, 3, 5].map((start) => parseInt(arguments[0].slice(start, start + 2), 16));
+const others = [];
+for (let i = 0; i < data.length; i += 4) {
+  if (wanted.some((value, c) => data[i + c] !== value)) others.push([...data.slice(i, i + 3)]);
+}
+return others;
 """
 
 #: A number that stands for a picture: another one if any pixel changes (FNV).
@@ -133,6 +155,10 @@ class Page:
     def pixels(self, *colours: str, overlay: bool = False, pane: int = 0) -> int:
         """Pixels of the map, or above it, in any of these colours."""
         return self.run(COUNT, 2 * pane + overlay, list(colours))
+
+    def pixels_but(self, colour: str) -> NDArray[np.int64]:
+        """Red, green and blue of the pixels of the map that don't have a colour, shape (n, 3)."""
+        return np.array(self.run(OTHERS, colour), np.int64).reshape(-1, 3)
 
     def picture(self, selector: str = ".pane", *, number: int = 0) -> int:
         """A number that stands for what a canvas shows."""

@@ -3,12 +3,10 @@
 import base64
 
 import pytest
-from selenium.webdriver import Keys
 
-from view.browser.driving import COUNT, Page
+from view.browser.driving import COUNT, PAPER, Keys, Page
 
 DARK_PAPER = "#14181c"
-LIGHT_PAPER = "#fbfbf9"
 
 
 def prefer(browser, scheme):
@@ -34,7 +32,7 @@ def test_a_key_and_a_button_switch_between_light_and_dark(fleet_page):
     body = fleet_page.run("return getComputedStyle(document.body).backgroundColor")
     assert body == "rgb(26, 31, 36)"
     fleet_page.click("theme")
-    assert fleet_page.pixels(LIGHT_PAPER) > 100_000
+    assert fleet_page.pixels(PAPER) > 100_000
 
 
 def test_a_page_prints_in_light_colours_and_without_controls(fleet_page):
@@ -44,7 +42,7 @@ def test_a_page_prints_in_light_colours_and_without_controls(fleet_page):
     fleet_page.run(
         f"const count = function () {{ {COUNT} }};"
         "window.addEventListener('beforeprint', () => {"
-        "  window.printed = [count(0, ['#fbfbf9']), count(0, ['#e69f00'])];"
+        f"  window.printed = [count(0, ['{PAPER}']), count(0, ['#e69f00'])];"
         "});"
     )
     pdf = fleet_page.driver.execute_cdp_cmd("Page.printToPDF", {"printBackground": True})

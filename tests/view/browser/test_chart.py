@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from selenium.webdriver import Keys
 
 from gpszip.walks.error import synchronised_errors
 from view.browser.conftest import START, walk_positions
+from view.browser.driving import Keys
 
 
 def metres(text):

@@ -3,9 +3,9 @@
 import re
 
 import pytest
-from selenium.webdriver import Keys
 
 from view.browser.conftest import START
+from view.browser.driving import Keys
 
 
 def clock_seconds(page):
@@ -91,7 +91,7 @@ def test_times_outside_of_the_log_are_refused(fleet_page):
     fleet_page.fill("where-time", "2023-11-15 09:00")
     assert fleet_page.text("where-answer").startswith("Times are from 2023-11-14 22:13:20 to")
     fleet_page.fill("where-time", "noon")
-    assert fleet_page.text("where-answer") == "No time: noon"
+    assert fleet_page.text("where-answer") == ("Can't read noon: write 14:05 or 2024-05-03 14:05.")
     assert clock_seconds(fleet_page) == 0
 
 
@@ -109,6 +109,13 @@ def test_all_tracks_start_at_0(fleet_page):
     assert fleet_page.text("clock").startswith("0:00:00")
     fleet_page.fill("where-time", "0:01:40")
     assert fleet_page.text("clock").startswith("0:01:40")
+    fleet_page.fill("where-time", "2023-11-14 22:20")
+    assert fleet_page.text("where-answer").endswith("write 0:14:05 or seconds.")
+
+    # Places of the largest errors have the clock's times, too.
+    listed = fleet_page.run("return document.querySelector('#worst button').lastChild.textContent")
+    fleet_page.click_all("#worst button", 0)
+    assert fleet_page.text("clock").startswith(listed)
 
 
 def test_agents_move_and_have_tails(fleet_page):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from view.browser.conftest import STREETS
-from view.browser.driving import Page
+from view.browser.driving import PAPER, Page
 
 #: Key and colour of each layer, in light colours.
 LAYERS = {
@@ -20,20 +20,45 @@ LAYERS = {
     "g": "#e6e7e4",
 }
 
+#: Key of the layer of gaps.
+GAPS = "6"
 
-def test_each_layer_is_drawn_while_it_is_on(fleet_page):
-    on = fleet_page.run(
+
+def turn_off_layers(page):
+    on = page.run(
         "return [...document.querySelectorAll('#layers label')].filter((l) => l.control.checked)"
         ".map((l) => l.querySelector('kbd').textContent)"
     )
-    fleet_page.press(*on)
+    page.press(*on)
+
+
+def rgb(colour):
+    return [int(colour[start : start + 2], 16) for start in (1, 3, 5)]
+
+
+def test_each_layer_is_drawn_while_it_is_on(fleet_page):
+    turn_off_layers(fleet_page)
+    empty = fleet_page.picture()
     for key, colour in LAYERS.items():
         without = fleet_page.pixels(colour)
         fleet_page.press(key)
-        # The lines of gaps are thin and dashed: a few pixels of their very colour.
-        assert fleet_page.pixels(colour) >= without + 5, key
+        if key != GAPS:
+            assert fleet_page.pixels(colour) >= without + 40, key
         fleet_page.press(key)
-        assert fleet_page.pixels(colour) == without, key
+        assert fleet_page.picture() == empty, key
+
+
+def test_gaps_are_dashes_of_their_colour(fleet_page):
+    """Their lines are thin: a pixel is a mixture of paper and colour, and few are colour alone."""
+    turn_off_layers(fleet_page)
+    fleet_page.press(GAPS)
+    paper = np.array(rgb(PAPER))
+    ink = np.array(rgb(LAYERS[GAPS])) - paper
+    drawn = fleet_page.pixels_but(PAPER) - paper
+    coverage = drawn @ ink / (ink @ ink)
+    assert np.abs(drawn - coverage[:, None] * ink).max() <= 3
+    assert 0.7 < coverage.max() < 1.02
+    assert coverage.sum() > 40
 
 
 def test_boxes_and_keys_are_the_same_switch(fleet_page):

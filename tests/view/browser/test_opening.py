@@ -3,13 +3,13 @@
 import pytest
 
 from view.browser.conftest import NAMES
-from view.browser.driving import Page
+from view.browser.driving import PAPER, Keys, Page
 
 
 def test_a_page_opens_without_errors_and_requests(fleet_page):
     assert fleet_page.errors() == []
     assert fleet_page.requests() == []
-    assert fleet_page.pixels("#fbfbf9") > 100_000
+    assert fleet_page.pixels(PAPER) > 100_000
     assert fleet_page.text("summary").startswith("660 points as ")
 
 
@@ -34,15 +34,13 @@ def test_names_are_text(fleet_page):
 
 
 @pytest.mark.parametrize("name", ["untimed", "point", "map", "many", "ferry"])
-def test_pages_of_all_kinds_open(browser, odd_paths, name):
+def test_pages_of_all_kinds_open_and_draw(browser, odd_paths, name):
     page = Page(browser, odd_paths[name]).open()
     assert page.errors() == []
-    background = page.pixels("#fbfbf9") + page.pixels("#e6e7e4")
-    assert (
-        0
-        < background
-        < page.run("const c = document.querySelector('.pane canvas'); return c.width * c.height")
-    )
+    page.press("g", "l")  # without graticule and scale
+    assert len(page.pixels_but(PAPER)) > 0
+    assert page.pixels(PAPER) > 0
+    assert page.errors() == []
 
 
 def test_a_map_alone_has_no_clock(browser, odd_paths):
@@ -63,16 +61,43 @@ def test_ten_thousand_tracks_are_listed_and_drawn(browser, odd_paths):
 def test_a_track_across_the_antimeridian_is_one(browser, odd_paths):
     page = Page(browser, odd_paths["ferry"]).open()
     assert page.table("track-facts")["Distance"] == "76.8 km"
-    page.press("Enter" and "\ue007")
+    page.press(Keys.ENTER)
     assert "180.0" in page.text("here-facts") or "179.9" in page.text("here-facts")
 
 
 def test_a_log_without_times_has_a_distance_instead_of_a_clock(browser, odd_paths):
     page = Page(browser, odd_paths["untimed"]).open()
     assert page.text("clock") == "0 cm"
-    page.press("\ue010")  # the end key
+    page.press(Keys.END)
     assert page.text("clock") == page.table("track-facts")["Distance"]
     assert not page.shown("zone-label")
+
+    # Texts are about distances.
+    page.fill("where-time", "1e6")
+    assert page.text("where-answer").startswith("Distances are from 0 cm to ")
+    page.fill("where-time", "half way")
+    assert page.text("where-answer") == "Can't read half way: write metres."
+    labels = page.run("return [...document.querySelectorAll('#colour option')].map((o) => o.text)")
+    assert "Distance" in labels
+    assert "Time" not in labels
+
+    # No sample is joined with the agent: distances along the log and along the walk differ.
+    page.fill("where-time", "150")
+    page.run("document.activeElement.blur()")
+    page.press(*"++++++++")
+    assert page.pixels("#d55e00", overlay=True) > 20
+    assert page.pixels("#1d2329", overlay=True) == 0
+
+
+def test_a_page_of_one_point(browser, odd_paths):
+    page = Page(browser, odd_paths["point"]).open()
+    assert page.text("summary").startswith("1 point as ")
+    page.press(Keys.ENTER)
+    assert page.table("track-facts")["Points"] == "1"
+    passes = page.run("return document.querySelector('.passes button').lastChild.textContent")
+    assert passes.strip() == ""  # no speed, and no heading
+    labels = page.run("return [...document.querySelectorAll('#colour option')].map((o) => o.text)")
+    assert "Traversals" not in labels
 
 
 def test_a_page_works_in_the_sealed_frame_of_a_notebook(browser, folder, robot):

@@ -1,6 +1,6 @@
 """Two archives side by side."""
 
-from selenium.webdriver import Keys
+from view.browser.driving import Keys
 
 
 def test_both_maps_are_drawn_and_named(pair_page):
@@ -31,6 +31,14 @@ def test_the_clock_moves_both(pair_page):
     before = [pair_page.picture(number=2 * pane + 1) for pane in (0, 1)]
     pair_page.press(Keys.END)
     assert all(pair_page.picture(number=2 * pane + 1) != before[pane] for pane in (0, 1))
+
+
+def test_a_track_has_one_colour_on_both_maps(pair_page):
+    """The first track, which only the first archive has, is blue."""
+    pair_page.fill("where-time", "22:15")
+    assert pair_page.pixels("#0072b2", overlay=True, pane=0) > 40
+    assert pair_page.pixels("#0072b2", overlay=True, pane=1) == 0
+    assert pair_page.pixels("#e69f00", overlay=True, pane=1) > 40
 
 
 def test_numbers_of_both_are_listed(pair_page):

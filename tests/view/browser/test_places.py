@@ -1,11 +1,10 @@
 """What is at a place, who passes it, and where errors are largest."""
 
 import numpy as np
-from selenium.webdriver import Keys
 
 from gpszip.walks.error import synchronised_errors
 from view.browser.conftest import START, walk_positions
-from view.browser.driving import Page
+from view.browser.driving import Keys, Page
 
 #: CSS pixels around a place in which tracks pass.
 RADIUS_PIXELS = 9

@@ -84,7 +84,7 @@ function showTimes(app, domain) {
 }
 
 /**
- * Show all times on the chart.
+ * Show the whole chart: all times.
  * @param {App} app
  */
 export function showAllTimes(app) {

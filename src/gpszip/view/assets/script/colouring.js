@@ -21,12 +21,12 @@
  */
 
 import { CATEGORIES, DIM, OWN, RAMP_SIZE, makeRamp } from "./colours.js";
-import { formatCount, formatLength, formatSpeed } from "./format.js";
+import { formatCount, formatCountOf, formatLength, formatSpeed } from "./format.js";
 import { formatTime, zoneOffset } from "./times.js";
 import { lastAtMost, segmentSpeed } from "./walks.js";
 
 /** What colours may stand for. */
-export const COLOURS = {
+const COLOURS = {
   layer: "Layer",
   track: "Track",
   speed: "Speed",
@@ -50,6 +50,28 @@ const NAMED_TRACKS = 6;
 const ZONE_BLOCK = 3600;
 
 /**
+ * What colours may stand for in a scene.
+ * @param {Scene} scene
+ * @returns {[string, string][]} id and label
+ */
+export function sceneColours({ archives, epoch }) {
+  const hasTracks = archives.some(({ tracks }) => tracks.ids.length);
+  /** @type {Record<string, boolean>} */
+  const exists = {
+    layer: true,
+    track: archives[0].tracks.ids.length > 1,
+    speed: epoch !== null,
+    error: archives.some(({ maxError }) => maxError !== null),
+    time: hasTracks,
+    hour: epoch === "unix",
+    traversals: archives.some(({ edges }) => edges.x.length),
+    direction: hasTracks,
+  };
+  const labels = epoch === null ? { ...COLOURS, time: "Distance" } : COLOURS;
+  return Object.entries(labels).filter(([id]) => exists[id]);
+}
+
+/**
  * Colour a scene.
  * @param {Scene} scene
  * @param {State} state
@@ -67,7 +89,7 @@ export function colourScene(scene, state) {
   if (state.colour === "track") return colourByTrack(scene, state);
 
   // Values of everything, and the range that the ramp covers.
-  const values = archives.map((archive) => valuesOf(archive, scene, state));
+  const values = archives.map((archive) => valuesOf(archive, state));
   const chosen = archives.map((archive, i) =>
     chosenValues(values[i], plainClasses(archive, state)),
   );
@@ -169,10 +191,7 @@ function colourByTrack(scene, state) {
   const items = ids.slice(0, NAMED_TRACKS).map((id, i) => [CATEGORIES[i], id]);
   if (ids.length > NAMED_TRACKS) {
     const rest = ids.length - NAMED_TRACKS;
-    items.push([
-      "",
-      `and ${formatCount(rest)} more ${rest === 1 ? "track" : "tracks"} in the same colours`,
-    ]);
+    items.push(["", `and ${formatCountOf(rest, "more track")} in the same colours`]);
   }
   return { classes, ramp: CATEGORIES, legend: { title: "Track", items } };
 }
@@ -180,11 +199,10 @@ function colourByTrack(scene, state) {
 /**
  * Values for which colours stand.
  * @param {Archive} archive
- * @param {Scene} scene
  * @param {State} state
  * @returns {Partial<Record<keyof Classes, Float64Array>>}
  */
-function valuesOf(archive, scene, state) {
+function valuesOf(archive, state) {
   const { raw, knots } = archive;
   const none = new Float64Array(0);
   switch (state.colour) {
@@ -202,8 +220,8 @@ function valuesOf(archive, scene, state) {
       };
     case "hour":
       return {
-        raw: raw ? hours(raw.time, scene, state.zone) : none,
-        tracks: hours(knots.time, scene, state.zone),
+        raw: raw ? hours(raw.time, state.zone) : none,
+        tracks: hours(knots.time, state.zone),
       };
     case "direction":
       return { raw: raw ? headings(raw, raw.track) : none, tracks: headings(knots, knots.line) };
@@ -273,14 +291,13 @@ function sinceStart(time, tracks, numbers, isAligned) {
 
 /**
  * Hours of the day.
- * @param {Float64Array} time
- * @param {Scene} scene
- * @param {string} zone
+ * @param {Float64Array} time seconds since 1970
+ * @param {string} zone IANA name
  */
-function hours(time, scene, zone) {
+function hours(time, zone) {
   let [block, offset] = [NaN, 0];
   return time.map((value) => {
-    if (scene.epoch === "unix" && Math.floor(value / ZONE_BLOCK) !== block) {
+    if (Math.floor(value / ZONE_BLOCK) !== block) {
       block = Math.floor(value / ZONE_BLOCK);
       offset = zoneOffset(value, zone);
     }

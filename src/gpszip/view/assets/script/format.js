@@ -63,11 +63,31 @@ export function formatNumber(value, digits = 3) {
 }
 
 /**
+ * A number with a fixed count of decimals; 0 has no sign.
+ * @param {number} value
+ * @param {number} decimals
+ */
+export function formatFixed(value, decimals) {
+  const text = value.toFixed(decimals);
+  return Number(text) ? text.replace("-", MINUS) : text.replace("-", "");
+}
+
+/**
  * A whole number with commas.
  * @param {number} value
  */
 export function formatCount(value) {
   return Math.round(value).toLocaleString("en");
+}
+
+/**
+ * How many there are of something: 1 track, 2 tracks.
+ * @param {number} count
+ * @param {string} noun
+ * @param {string} [nouns]
+ */
+export function formatCountOf(count, noun, nouns = `${noun}s`) {
+  return `${formatCount(count)} ${count === 1 ? noun : nouns}`;
 }
 
 /**

@@ -145,13 +145,13 @@ function nearestTime(app, pane, pointer, radius) {
       if (!knots.joined[k]) continue;
       if (Math.min(knots.x[k], knots.x[k - 1]) > pointer.x + nearest) continue;
       if (Math.max(knots.x[k], knots.x[k - 1]) < pointer.x - nearest) continue;
-      const { distance } = toSegment(archive, k, pointer.x, pointer.y);
+      const { distance } = toSegment(knots, k, pointer.x, pointer.y);
       if (distance >= nearest) continue;
       [best, nearest] = [k, distance];
     }
   }
   if (best < 0) return null;
-  const { share } = toSegment(archive, best, pointer.x, pointer.y);
+  const { share } = toSegment(knots, best, pointer.x, pointer.y);
   const time = knots.time[best - 1] + share * (knots.time[best] - knots.time[best - 1]);
   return time - clockShift(app, archive, knots.line[best]);
 }

@@ -1,7 +1,8 @@
 /** Degrees or metres over the map: graticule, scale bar, arrow to the north, read-outs. */
 
-import { formatDegrees, formatNumber, lengthUnit, niceStep } from "./format.js";
+import { formatDegrees, formatFixed, formatNumber, lengthUnit, niceStep } from "./format.js";
 import { toDegrees, toPlane } from "./geodesy.js";
+import { toScreen } from "./viewport.js";
 
 /**
  * @typedef {import("./pixels.js").Frame} Frame
@@ -202,11 +203,8 @@ function drawMetres(frame) {
  * @returns {Label[]} its label, if there is space
  */
 function drawGridLine(frame, line, text, side) {
-  const { ctx, view, width, height } = frame;
-  const points = line.map(([x, y]) => [
-    width / 2 + (x - view.x) * view.scale,
-    height / 2 - (y - view.y) * view.scale,
-  ]);
+  const { ctx, width, height } = frame;
+  const points = line.map(([x, y]) => toScreen(frame, { x, y }));
   const axis = side === "left" ? 0 : 1;
   snap(points, 1 - axis);
   ctx.beginPath();
@@ -311,10 +309,8 @@ export function drawText({ ctx, theme }, text, x, y, align) {
 export function formatPosition(x, y, area, scale) {
   const decimals = Math.min(Math.max(Math.ceil(Math.log10(scale || 1)), 0), 3);
   if (!area.center) {
-    return `x ${x.toFixed(decimals)}\u202fm, y ${y.toFixed(decimals)}\u202fm`.replaceAll(
-      "-",
-      "\u2212",
-    );
+    const [east, north] = [x, y].map((each) => formatFixed(each, decimals));
+    return `x ${east}\u202fm, y ${north}\u202fm`;
   }
   const [lat, lon] = toDegrees(x - area.x, y, area.center);
   const digits = Math.min(decimals + 5, 7);

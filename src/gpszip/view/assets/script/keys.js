@@ -32,7 +32,7 @@ const KEYS = [
   ["f", "Follow the agent"],
   ["n p", "Next or previous track"],
   ["[ ]", "Start or end of the range at the clock"],
-  ["z x", "Chart of the range, of all times"],
+  ["z x", "Chart of the range, whole chart"],
   ["m", "Light or dark"],
   ["esc", "Clear the range and the place"],
   ["?", "This help"],
@@ -121,7 +121,7 @@ function makeCommands(app, { fit, switchTheme }) {
     ["a", pan(1, 0)],
     ["s", pan(0, -1)],
     ["d", pan(-1, 0)],
-    ["Enter", () => chooseMiddle(app)],
+    ["Enter", () => choosePlace(app, { x: 0, y: 0 })],
     ["f", () => store.set({ follow: !store.state.follow })],
     ["n", () => chooseNext(app, 1)],
     ["p", () => chooseNext(app, -1)],
@@ -141,14 +141,6 @@ function makeCommands(app, { fit, switchTheme }) {
     ),
   ];
   return new Map(commands);
-}
-
-/**
- * Ask what is in the middle of the map.
- * @param {App} app
- */
-function chooseMiddle(app) {
-  choosePlace(app, { x: 0, y: 0 });
 }
 
 /** Open or close the help. */

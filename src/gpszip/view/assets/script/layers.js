@@ -92,7 +92,7 @@ export const LAYERS = [
   {
     id: "network",
     key: "b",
-    label: "Roads behind",
+    label: "Roads",
     colour: "network",
     sign: "line",
     exists: (scene) => scene.network !== null,

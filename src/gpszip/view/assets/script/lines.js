@@ -15,6 +15,7 @@
 
 import { PALETTE_SIZE, toPixels } from "./colours.js";
 import { paintSegments } from "./pixels.js";
+import { toScreen } from "./viewport.js";
 
 /** Segments that are stroked at most: more take longer than painting pixels (measured). */
 const MAX_STROKED = 4000;
@@ -125,7 +126,7 @@ const ARROW_SIZE = 3.25;
  * @param {import("./scene.js").Edges} edges
  */
 export function drawArrows(frame, edges) {
-  const { ctx, view, width, height, theme, seen } = frame;
+  const { ctx, view, theme, seen } = frame;
   ctx.beginPath();
   for (let i = 0; i + 1 < edges.offsets.length; i++) {
     const isOneWay = edges.forward[i] > 0 !== edges.backward[i] > 0;
@@ -141,9 +142,8 @@ export function drawArrows(frame, edges) {
       sign * (edges.y[k] - edges.y[k - 1]),
       sign * (edges.x[k] - edges.x[k - 1]),
     );
-    const x = width / 2 + ((edges.x[k] + edges.x[k - 1]) / 2 - view.x) * view.scale;
-    const y = height / 2 - ((edges.y[k] + edges.y[k - 1]) / 2 - view.y) * view.scale;
-    addChevron(ctx, x, y, heading);
+    const middle = { x: (edges.x[k] + edges.x[k - 1]) / 2, y: (edges.y[k] + edges.y[k - 1]) / 2 };
+    addChevron(ctx, ...toScreen(frame, middle), heading);
   }
 
   // With a border, so that they are seen on wide edges.

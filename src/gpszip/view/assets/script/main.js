@@ -230,7 +230,7 @@ function startPage(scene) {
   const fit = () => fitMap(app);
   const switchTheme = () => store.set({ theme: store.state.theme === "dark" ? "light" : "dark" });
 
-  // Drawing comes first, as controls may change what is drawn.
+  // Listeners are called in this order: what follows from a change is known before it is drawn.
   document.documentElement.setAttribute("data-theme", store.state.theme);
   deriveState(app);
   drawCanvases(app, plot);

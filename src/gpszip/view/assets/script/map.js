@@ -30,7 +30,7 @@ import { drawArrows, drawLines } from "./lines.js";
 import { countPoints, paintPoints } from "./pixels.js";
 import { buildPyramid, visitPoints } from "./pyramid.js";
 import { lastAtMost, positionAt } from "./walks.js";
-import { seenBox } from "./viewport.js";
+import { seenBox, toScreen } from "./viewport.js";
 
 /** Device pixels for a CSS pixel at most: more cost time, and few see them. */
 const MAX_RATIO = 2;
@@ -333,7 +333,7 @@ function drawKnots(frame, { x, y }) {
 function drawErrors(app, pane, frame) {
   const { raw } = pane.archive;
   if (!raw) return;
-  const { ctx, theme, view, width, height } = frame;
+  const { ctx, theme, view } = frame;
   const pyramid = areaPyramid(app, pane, raw);
   ctx.strokeStyle = theme.error;
   ctx.lineWidth = 1;
@@ -347,8 +347,7 @@ function drawErrors(app, pane, frame) {
 
   // The worst places, numbered.
   app.worst[pane.archive.index].forEach((place, i) => {
-    const x = width / 2 + (place.x - view.x) * view.scale;
-    const y = height / 2 - (place.y - view.y) * view.scale;
+    const [x, y] = toScreen(frame, place);
     ctx.lineWidth = 1.75;
     ctx.beginPath();
     addErrorLine(frame, pane.archive, place.sample);
@@ -366,19 +365,13 @@ function drawErrors(app, pane, frame) {
  * @param {Archive} archive
  * @param {number} sample
  */
-export function addErrorLine({ ctx, view, width, height }, archive, sample) {
+export function addErrorLine(frame, archive, sample) {
   const raw = /** @type {import("./scene.js").Raw} */ (archive.raw);
   const walk = raw.walk[raw.track[sample]];
   const position = walk < 0 ? null : positionAt(archive, walk, raw.time[sample]);
   if (!position) return;
-  ctx.moveTo(
-    width / 2 + (raw.x[sample] - view.x) * view.scale,
-    height / 2 - (raw.y[sample] - view.y) * view.scale,
-  );
-  ctx.lineTo(
-    width / 2 + (position.x - view.x) * view.scale,
-    height / 2 - (position.y - view.y) * view.scale,
-  );
+  frame.ctx.moveTo(...toScreen(frame, { x: raw.x[sample], y: raw.y[sample] }));
+  frame.ctx.lineTo(...toScreen(frame, position));
 }
 
 /**

@@ -11,6 +11,7 @@ import { CATEGORIES } from "./colours.js";
 import { rawNumber } from "./colouring.js";
 import { drawText } from "./graticule.js";
 import { addErrorLine, makeFrame, sampleAt } from "./map.js";
+import { toScreen } from "./viewport.js";
 import { lastAtMost, positionAt } from "./walks.js";
 
 /** Agents that are drawn with a ring and a tail at most. */
@@ -40,16 +41,6 @@ export function drawOverlay(app, pane) {
   drawHover(app, pane, frame);
   if (pointer && app.panes.length > 1) drawPointer(frame, pointer);
   if (pane.overlay.matches(":focus-visible")) drawCentre(frame);
-}
-
-/**
- * Screen position of a place.
- * @param {Frame} frame
- * @param {{x: number, y: number}} place
- * @returns {[number, number]}
- */
-function toScreen({ view, width, height }, { x, y }) {
-  return [width / 2 + (x - view.x) * view.scale, height / 2 - (y - view.y) * view.scale];
 }
 
 /**
@@ -144,20 +135,22 @@ function drawAgents(app, pane, frame) {
     if (space <= 0) break;
     frame.ctx.beginPath();
     space -= addPath(app, pane, frame, track, time - tail, time);
-    strokeTwice(frame.ctx, frame.theme.paper, 5.5, agentColour(app, track, frame), 3);
+    strokeTwice(frame.ctx, frame.theme.paper, 5.5, agentColour(app, archive, track, frame), 3);
   }
 
   // The agents themselves, and the samples beside the walks.
-  const isNamed = archive.tracks.ids.length > 1 && active.length <= MAX_NAMED_AGENTS;
+  const isFew = active.length <= MAX_NAMED_AGENTS;
+  const isNamed = archive.tracks.ids.length > 1 && isFew;
   for (const { track, position } of active) {
     const [x, y] = toScreen(frame, /** @type {import("./walks.js").Position} */ (position));
+    const colour = agentColour(app, archive, track, frame);
     if (!isLarge) {
-      frame.ctx.fillStyle = agentColour(app, track, frame);
+      frame.ctx.fillStyle = colour;
       frame.ctx.fillRect(x - 2, y - 2, 4, 4);
       continue;
     }
-    if (active.length <= MAX_NAMED_AGENTS) drawSample(app, pane, frame, track);
-    drawDot(frame, x, y, active.length <= MAX_NAMED_AGENTS ? 6 : 4, agentColour(app, track, frame));
+    if (isFew) drawSample(app, pane, frame, track);
+    drawDot(frame, x, y, isFew ? 6 : 4, colour);
     if (isNamed) drawText(frame, shorten(archive.tracks.ids[track]), x + 10, y + 4, "left");
   }
 }
@@ -171,14 +164,17 @@ function shorten(name) {
 }
 
 /**
- * Colour of a track's agent: vermilion for a single one.
+ * Colour of a track's agent: vermilion for a single one, else the same on both maps.
  * @param {App} app
+ * @param {import("./scene.js").Archive} archive
  * @param {number} track
  * @param {Frame} frame
  */
-function agentColour(app, track, frame) {
-  const isSingle = app.scene.archives[0].tracks.ids.length === 1 || app.store.state.track !== null;
-  return isSingle ? frame.theme.accent : CATEGORIES[track % CATEGORIES.length];
+function agentColour(app, archive, track, frame) {
+  const { ids, numbers } = app.scene.archives[0].tracks;
+  if (ids.length === 1 || app.store.state.track !== null) return frame.theme.accent;
+  const number = numbers.get(archive.tracks.ids[track]) ?? track;
+  return CATEGORIES[number % CATEGORIES.length];
 }
 
 /**
@@ -199,7 +195,8 @@ function drawDot({ ctx, theme }, x, y, radius, colour) {
 }
 
 /**
- * Draw the sample of a track at the time of the clock, joined with its walk.
+ * Draw the sample of a track at the time of the clock, joined with its walk. Without times nobody
+ * knows which position belongs to a sample: distances along the log and the walk differ.
  * @param {App} app
  * @param {Pane} pane
  * @param {Frame} frame
@@ -208,7 +205,7 @@ function drawDot({ ctx, theme }, x, y, radius, colour) {
 function drawSample(app, pane, frame, track) {
   const { archive } = pane;
   const number = rawNumber(archive, track);
-  if (!archive.raw || number < 0) return;
+  if (!archive.raw || number < 0 || !archive.raw.tracks.timed[number]) return;
   const sample = sampleAt(
     archive.raw,
     number,

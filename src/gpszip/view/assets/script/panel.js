@@ -4,9 +4,9 @@
  * @typedef {import("./map.js").App} App
  */
 
-import { COLOURS } from "./colouring.js";
+import { sceneColours } from "./colouring.js";
 import { CATEGORIES, THEMES } from "./colours.js";
-import { setClock, clockShift } from "./clock.js";
+import { clockEpoch, clockShift, setClock } from "./clock.js";
 import { fillSelect, find, findInput, make, makeButton, makeTable, show } from "./dom.js";
 import { areaAt } from "./follow.js";
 import { formatBytes, formatCount, formatLength } from "./format.js";
@@ -38,7 +38,7 @@ export function startPanel(app) {
   store.on(["colour", "track", "units", "zone", "aligned", "theme"], () => updateLegend(app));
   store.on(["range", "track", "units", "zone", "aligned"], () => updateRangeFacts(app));
   store.on(["place", "units", "zone", "aligned"], () => updatePlace(app));
-  store.on(["units", "zone"], () => buildWorst(app));
+  store.on(["units", "zone", "aligned"], () => buildWorst(app));
   find("here-close").addEventListener("click", () => store.set({ place: null }));
   updateLayers(app);
   updateTrack(app);
@@ -196,14 +196,7 @@ function updateRangeFacts(app) {
 /** @param {App} app */
 function buildColours({ scene, store }) {
   const select = findInput("colour");
-  const hasErrors = scene.archives.some(({ maxError }) => maxError !== null);
-  const shown = Object.entries(COLOURS).filter(([id]) => {
-    if (id === "speed") return scene.epoch !== null;
-    if (id === "hour") return scene.epoch === "unix";
-    if (id === "track") return scene.archives[0].tracks.ids.length > 1;
-    return id !== "error" || hasErrors;
-  });
-  fillSelect(select, shown, store.state.colour);
+  fillSelect(select, sceneColours(scene), store.state.colour);
   select.addEventListener("change", () => store.set({ colour: select.value }));
 }
 
@@ -250,13 +243,23 @@ function updatePlace(app) {
 /** @param {App} app */
 function buildWorst(app) {
   const { units, zone } = app.store.state;
-  const times = app.worst.flat().map((place) => place.time);
-  const extent = /** @type {[number, number]} */ ([Math.min(...times), Math.max(...times)]);
-  const items = app.scene.archives.flatMap((archive, index) =>
+  const { archives } = app.scene;
+
+  // Times of the clock, which may count from each track's start.
+  const times = archives.map((archive, index) =>
+    app.worst[index].map(({ time, track }) => time - clockShift(app, archive, track)),
+  );
+  const extent = /** @type {[number, number]} */ ([
+    Math.min(...times.flat()),
+    Math.max(...times.flat()),
+  ]);
+
+  // One button for each place, which goes there.
+  const items = archives.flatMap((archive, index) =>
     app.worst[index].map((place, i) => {
       const button = makeButton("", () => goToError(app, index, i));
-      const name = app.scene.archives.length > 1 ? `${archive.index ? "B" : "A"} ` : "";
-      const time = app.scene.epoch ? formatListed(place.time, app.scene.epoch, zone, extent) : "";
+      const name = archives.length > 1 ? `${archive.index ? "B" : "A"} ` : "";
+      const time = formatListed(times[index][i], clockEpoch(app), zone, extent);
       button.append(
         make("span", {}, `${name}${i + 1}`),
         make("span", { class: "space" }, formatLength(place.error, units)),

@@ -5,13 +5,13 @@
  * @typedef {import("./walks.js").Pass} Pass
  */
 
-import { clockExtent, clockShift } from "./clock.js";
+import { clockEpoch, clockExtent, clockShift } from "./clock.js";
 import { make, makeButton, makeTable } from "./dom.js";
-import { formatCount, formatLength, formatSpeed } from "./format.js";
+import { formatCount, formatCountOf, formatLength, formatSpeed } from "./format.js";
 import { formatPosition } from "./graticule.js";
 import { lineLength } from "./lines.js";
 import { calendar, formatListed } from "./times.js";
-import { findPasses } from "./walks.js";
+import { findPasses, toSegment } from "./walks.js";
 
 /** Passes that are listed. */
 const MAX_LISTED = 200;
@@ -60,11 +60,7 @@ function nearestEdge(edges, { x, y, radius }) {
   let [best, nearest] = [-1, radius];
   for (let k = 1; k < edges.x.length; k++) {
     if (!edges.joined[k]) continue;
-    const [dx, dy] = [edges.x[k] - edges.x[k - 1], edges.y[k] - edges.y[k - 1]];
-    const along =
-      ((x - edges.x[k - 1]) * dx + (y - edges.y[k - 1]) * dy) / (dx * dx + dy * dy || 1);
-    const share = Math.min(Math.max(along, 0), 1);
-    const distance = Math.hypot(edges.x[k - 1] + share * dx - x, edges.y[k - 1] + share * dy - y);
+    const { distance } = toSegment(edges, k, x, y);
     if (distance <= nearest) [best, nearest] = [edges.line[k], distance];
   }
   return best;
@@ -89,10 +85,11 @@ function edgeRows(app, archive, edge) {
 }
 
 /**
- * Arrow of a heading.
- * @param {number} heading radians, counterclockwise from the east
+ * Arrow of a heading; none while parked.
+ * @param {number} heading radians, counterclockwise from the east, or NaN
  */
 function arrow(heading) {
+  if (Number.isNaN(heading)) return "";
   return ARROWS[((Math.round(heading / (Math.PI / 4)) % 8) + 8) % 8];
 }
 
@@ -106,10 +103,10 @@ function arrow(heading) {
  */
 function describePasses(app, archive, passes, visit) {
   if (!passes.length) return [make("p", { class: "hint" }, "No track passes here.")];
-  const { zone, units, aligned } = app.store.state;
+  const { zone, units } = app.store.state;
   const { epoch } = app.scene;
   const tracks = new Set(passes.map(({ track }) => track)).size;
-  const count = `${formatCount(passes.length)} ${passes.length === 1 ? "pass" : "passes"}`;
+  const count = formatCountOf(passes.length, "pass", "passes");
   const of = tracks > 1 ? ` of ${formatCount(tracks)} tracks` : "";
   const elements = [make("p", {}, make("strong", {}, count), of)];
   if (epoch === "unix") elements.push(...speedsByHour(passes, zone, units));
@@ -118,12 +115,7 @@ function describePasses(app, archive, passes, visit) {
   const list = make("ul", { class: "passes" });
   for (const pass of passes.slice(0, MAX_LISTED)) {
     const shift = clockShift(app, archive, pass.track);
-    const time = formatListed(
-      pass.time - shift,
-      aligned && epoch ? "log" : epoch,
-      zone,
-      clockExtent(app),
-    );
+    const time = formatListed(pass.time - shift, clockEpoch(app), zone, clockExtent(app));
     const button = makeButton("", () => visit(pass, archive));
     const name = archive.tracks.ids.length > 1 ? archive.tracks.ids[pass.track] : "";
     const speed = Number.isNaN(pass.speed) ? "" : formatSpeed(pass.speed, units);
@@ -166,7 +158,7 @@ function speedsByHour(passes, zone, units) {
   // A picture for eyes, a text for others.
   const texts = [...means].flatMap((mean, hour) =>
     counts[hour]
-      ? [`${hour}:00 ${formatSpeed(mean, units)}, ${formatCount(counts[hour])} passes`]
+      ? [`${hour}:00 ${formatSpeed(mean, units)}, ${formatCountOf(counts[hour], "pass", "passes")}`]
       : [],
   );
   const bars = make("div", {

@@ -65,7 +65,6 @@
  * @typedef {object} Scene
  * @property {string} title
  * @property {string} generator
- * @property {string} command
  * @property {boolean} geographic
  * @property {[number, number][]} planes
  * @property {number} spread metres in x from one plane to the next
@@ -89,7 +88,6 @@ export async function decodeScene(data) {
   return {
     title: data.title,
     generator: data.generator,
-    command: data.command ?? "",
     geographic: data.geographic,
     planes: data.planes,
     spread: data.plane_spread,

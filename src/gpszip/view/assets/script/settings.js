@@ -5,9 +5,9 @@
  */
 
 import { fillSelect, find, findInput, make, show } from "./dom.js";
-import { UNITS, formatBytes, formatCount } from "./format.js";
+import { UNITS, formatBytes, formatCount, formatCountOf } from "./format.js";
 
-/** Zones that are listed first. */
+/** Zone that is chosen at first. */
 const UTC = "UTC";
 
 /**
@@ -18,7 +18,7 @@ const UTC = "UTC";
 export function startSettings(app, { fit }) {
   const { scene, store, areas } = app;
   find("title").textContent = scene.title;
-  find("title").title = scene.command || scene.title;
+  find("title").title = scene.title;
   find("summary").append(...summary(scene));
 
   // Choices.
@@ -51,20 +51,16 @@ export function startSettings(app, { fit }) {
 function summary({ archives }) {
   const [{ points, bytes, raw, tracks }] = archives;
   if (bytes === null)
-    return points === null ? [] : [make("strong", {}, `${formatCount(points)} points`)];
+    return points === null ? [] : [make("strong", {}, formatCountOf(points, "point"))];
   if (archives.length > 1)
     return [archives.map((each) => `${each.name}: ${formatBytes(each.bytes ?? 0)}`).join(", ")];
   const size = make("strong", {}, formatBytes(bytes));
-  if (!points)
-    return [
-      `${formatCount(tracks.ids.length)} ${tracks.ids.length === 1 ? "track" : "tracks"} in `,
-      size,
-    ];
+  if (!points) return [`${formatCountOf(tracks.ids.length, "track")} in `, size];
   const isThinned = raw && raw.drawn < raw.total;
   const rest = isThinned
-    ? `; this page shows ${formatCount(raw.drawn)} of them, of neighbours the one with the largest error`
+    ? `; this page holds ${formatCount(raw.drawn)} of them: of neighbours, those with the largest errors`
     : "";
-  return [make("strong", {}, `${formatCount(points)} points`), " as ", size, rest];
+  return [make("strong", {}, formatCountOf(points, "point")), " as ", size, rest];
 }
 
 /**

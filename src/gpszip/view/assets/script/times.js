@@ -7,7 +7,7 @@
  * @typedef {"unix" | "log" | null} Epoch
  */
 
-import { formatDuration, formatLength } from "./format.js";
+import { formatDuration, formatLength, niceStep } from "./format.js";
 
 /** Steps of a time axis in seconds: seconds to weeks. */
 const TIME_STEPS = [
@@ -155,7 +155,7 @@ export function timeTicks(domain, count, epoch, zone) {
   const rough = extent / Math.max(count, 1);
   const days = Math.max(Math.ceil(rough / 86400 / 7) * 7, 1) * 86400;
   let step = TIME_STEPS.find((each) => each >= rough) ?? days;
-  if (epoch === null || rough < 1) step = decimalStep(rough);
+  if (epoch === null || rough < 1) step = niceStep(rough, 1);
 
   // Multiples of the step on the clock of the zone.
   const shift = epoch === "unix" ? zoneOffset(domain[0], zone) : 0;
@@ -164,12 +164,6 @@ export function timeTicks(domain, count, epoch, zone) {
   for (let i = first; i * step - shift <= domain[1] && times.length < 1000; i++)
     times.push(i * step - shift);
   return { times, step };
-}
-
-/** @param {number} rough */
-function decimalStep(rough) {
-  const power = 10 ** Math.floor(Math.log10(rough || 1));
-  return power * ([1, 2, 5].find((each) => each * power >= rough) ?? 10);
 }
 
 /**

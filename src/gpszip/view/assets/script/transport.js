@@ -116,10 +116,10 @@ function buildChoices({ scene, store }) {
  */
 function buildFind(app) {
   const input = findInput("where-time");
-  const { epoch } = app.scene;
-  if (epoch === null) find("where-label").textContent = "Where after";
-  const placeholders = { unix: "14:05 or 2024-05-03 14:05", log: "0:14:05 or seconds" };
-  input.placeholder = epoch === null ? "metres" : placeholders[epoch];
+  if (app.scene.epoch === null) find("where-label").textContent = "Where after";
+  const showForms = () => (input.placeholder = timeForms(app));
+  app.store.on(["aligned"], showForms);
+  showForms();
 
   // No form: browsers let pages in frames send none.
   const answer = () => {
@@ -129,6 +129,16 @@ function buildFind(app) {
   input.addEventListener("keydown", (event) => {
     if (event.key === "Enter") answer();
   });
+}
+
+/**
+ * How a time of the clock is written.
+ * @param {App} app
+ */
+function timeForms(app) {
+  const epoch = clockEpoch(app);
+  if (epoch === null) return "metres";
+  return epoch === "unix" ? "14:05 or 2024-05-03 14:05" : "0:14:05 or seconds";
 }
 
 /**
@@ -144,9 +154,10 @@ function findTime(app, text) {
   const extent = clockExtent(app);
   const time = parseTime(text, epoch, zone, extent);
   const write = (/** @type {number} */ each) => formatTime(each, epoch, zone, 1);
-  if (time === null) return `No time: ${text}`;
+  if (time === null) return `Can't read ${text}: write ${timeForms(app)}.`;
   if (time < extent[0] || time > extent[1]) {
-    return `Times are from ${write(extent[0])} to ${write(extent[1])}.`;
+    const what = epoch === null ? "Distances" : "Times";
+    return `${what} are from ${write(extent[0])} to ${write(extent[1])}.`;
   }
 
   // Where the first track is then.

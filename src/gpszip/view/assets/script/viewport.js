@@ -137,3 +137,13 @@ export function seenBox(view, width, height) {
   const halfY = height / 2 / view.scale;
   return { minX: view.x - halfX, minY: view.y - halfY, maxX: view.x + halfX, maxY: view.y + halfY };
 }
+
+/**
+ * Screen position of a position in metres.
+ * @param {import("./pixels.js").Frame} frame
+ * @param {{x: number, y: number}} position
+ * @returns {[number, number]}
+ */
+export function toScreen({ view, width, height }, { x, y }) {
+  return [width / 2 + (x - view.x) * view.scale, height / 2 - (y - view.y) * view.scale];
+}

@@ -123,23 +123,34 @@ export function measureWalk(archive, track, range) {
 }
 
 /**
- * Distance from a place to the segment that leads to a knot.
- * @param {Archive} archive
- * @param {number} k
+ * Distance from a place to the segment that leads to a point.
+ * @param {import("./scene.js").Lines} lines
+ * @param {number} k number of the point
  * @param {number} x
  * @param {number} y
  * @returns {{distance: number, share: number}} metres, and the share of the segment before the
  *   nearest position
  */
-export function toSegment({ knots }, k, x, y) {
-  const dx = knots.x[k] - knots.x[k - 1];
-  const dy = knots.y[k] - knots.y[k - 1];
+export function toSegment(lines, k, x, y) {
+  const dx = lines.x[k] - lines.x[k - 1];
+  const dy = lines.y[k] - lines.y[k - 1];
   const square = dx * dx + dy * dy;
-  const along = square ? ((x - knots.x[k - 1]) * dx + (y - knots.y[k - 1]) * dy) / square : 0;
+  const along = square ? ((x - lines.x[k - 1]) * dx + (y - lines.y[k - 1]) * dy) / square : 0;
   const share = Math.min(Math.max(along, 0), 1);
-  const offX = knots.x[k - 1] + share * dx - x;
-  const offY = knots.y[k - 1] + share * dy - y;
+  const offX = lines.x[k - 1] + share * dx - x;
+  const offY = lines.y[k - 1] + share * dy - y;
   return { distance: Math.hypot(offX, offY), share };
+}
+
+/**
+ * Heading of the segment that leads to a knot.
+ * @param {import("./scene.js").Knots} knots
+ * @param {number} k
+ * @returns {number} radians, counterclockwise from the east; NaN if the segment has no length
+ */
+function segmentHeading({ x, y }, k) {
+  const [dx, dy] = [x[k] - x[k - 1], y[k] - y[k - 1]];
+  return dx || dy ? Math.atan2(dy, dx) : NaN;
 }
 
 /**
@@ -148,7 +159,7 @@ export function toSegment({ knots }, k, x, y) {
  * @property {number} time when it is nearest
  * @property {number} distance metres, when it is nearest
  * @property {number} speed metres a second; NaN without times
- * @property {number} heading radians, counterclockwise from the east
+ * @property {number} heading radians, counterclockwise from the east; NaN while parked
  */
 
 /**
@@ -167,14 +178,14 @@ export function findPasses(archive, place, chosen) {
   let last = -2;
   for (let k = from + 1; k < to; k++) {
     if (!knots.joined[k] || isFar(knots, k, place)) continue;
-    const { distance, share } = toSegment(archive, k, place.x, place.y);
+    const { distance, share } = toSegment(knots, k, place.x, place.y);
     if (distance > place.radius) continue;
     const pass = {
       track: knots.line[k],
       time: knots.time[k - 1] + share * (knots.time[k] - knots.time[k - 1]),
       distance,
       speed: segmentSpeed(archive, k),
-      heading: Math.atan2(knots.y[k] - knots.y[k - 1], knots.x[k] - knots.x[k - 1]),
+      heading: segmentHeading(knots, k),
     };
     const isNew = last !== k - 1;
     last = k;
