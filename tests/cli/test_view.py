@@ -33,7 +33,7 @@ def small_archive(name="bus"):
 @pytest.fixture
 def archive(tmp_path):
     small_archive().save(tmp_path / "bus.gpsz")
-    (tmp_path / "bus.csv").write_text("t,x,y\n0,0,0\n10,100,3\n20,100,50\n")
+    (tmp_path / "bus.csv").write_text("id,t,x,y\nbus,0,0,0\nbus,10,100,3\nbus,20,100,50\n")
     return "bus.gpsz"
 
 
@@ -70,8 +70,8 @@ def test_names_are_data_and_never_markup(gpszip, tmp_path):
 
 
 def test_several_logs_may_stand_behind_one_option(gpszip, archive, tmp_path):
-    for number in (1, 2):
-        (tmp_path / f"{number}.csv").write_text(f"track_id,t,x,y\n{number},0,0,0\n{number},9,9,9\n")
+    for number, name in enumerate(("bus", "tram"), 1):
+        (tmp_path / f"{number}.csv").write_text(f"track_id,t,x,y\n{name},0,0,0\n{name},9,9,9\n")
     run = gpszip("view --raw 1.csv 2.csv bus.gpsz --json")
     assert run.code == 0, run.err
     assert run.json["points"] == run.json["points_drawn"] == 4
@@ -100,6 +100,7 @@ def test_two_archives(gpszip, archive, tmp_path):
         ("a.gpsz a.gpsz a.gpsz", 2, "one archive or two, not 3"),
         ("bus.gpsz --match", 2, "--match needs a log and roads; give --raw and --network, too"),
         ("bus.gpsz --open -o -", 2, "--open needs a file"),
+        ("bus.gpsz --raw other.csv", 2, "no archive has a track 'tram' of the log"),
         ("bus.gpsz --raw deep.csv", 2, "the log is in x, y, z, the archive in x, y"),
         ("bus.gpsz -o bus.csv", 1, "exists already"),
         ("nowhere.gpsz", 1, "no such file"),
@@ -107,6 +108,7 @@ def test_two_archives(gpszip, archive, tmp_path):
 )
 def test_mistakes(gpszip, archive, tmp_path, arguments, code, says):
     (tmp_path / "deep.csv").write_text("t,x,y,z\n0,0,0,0\n1,1,1,1\n")
+    (tmp_path / "other.csv").write_text("id,t,x,y\ntram,0,0,0\ntram,1,1,1\n")
     run = gpszip(f"view {arguments}")
     assert run.code == code
     assert says in run.err
@@ -144,3 +146,11 @@ def test_large_values_say_how_to_be_seen():
     assert "iframe" not in shown
     assert "&lt;long&gt;" in shown
     assert "gpszip.write_page(" in shown
+
+
+def test_rows_that_were_dropped_are_named(gpszip, archive, tmp_path):
+    rows = "".join(f"bus,{t},{5 * t},0\n" for t in range(21))
+    (tmp_path / "bus.csv").write_text(f"id,t,x,y\n{rows}bus,21,nan,0\n")
+    run = gpszip("view", archive, "--raw", "bus.csv")
+    assert run.code == 0
+    assert "with 21 points; bus.csv: row 23: 1 row without a position dropped" in run.err

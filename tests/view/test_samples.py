@@ -27,12 +27,6 @@ def test_errors_are_those_of_the_walk_of_the_same_name():
     assert samples.max_error == pytest.approx(3.0)
 
 
-def test_one_track_belongs_to_the_only_walk_whatever_its_name():
-    samples = collect_samples([lane("file")], [walk("lane")], NODES)
-    assert samples.walks.tolist() == [0]
-    assert samples.rmse == pytest.approx(0.0)
-
-
 def test_tracks_that_the_archive_does_not_have_have_no_errors():
     samples = collect_samples([lane("a"), lane("b")], [walk("lane")], NODES)
     assert samples.walks.tolist() == [-1, -1]

@@ -142,7 +142,12 @@ def _print_result(
 ) -> None:
     """Say what was drawn, and what reading the log lost."""
     from gpszip.cli.output import STDOUT, print_json, print_status
-    from gpszip.cli.summary import output_label, print_json_result, print_losses
+    from gpszip.cli.summary import (
+        describe_repairs,
+        output_label,
+        print_json_result,
+        print_losses,
+    )
 
     # For programs.
     width, height = size
@@ -155,6 +160,8 @@ def _print_result(
         return
 
     # For a person.
+    text = f"{output_label(target)}: {kind}, {width:g} x {height:g} mm"
     if read_result is not None:
         print_losses(read_result)
-    print_status(f"{output_label(target)}: {kind}, {width:g} x {height:g} mm")
+        text = "; ".join([text, *describe_repairs(read_result.repairs)])
+    print_status(text)

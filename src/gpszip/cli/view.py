@@ -129,7 +129,7 @@ def _build(
     listener: Listener | None,
 ) -> tuple[bytes, int]:
     """Return the page, and how many samples of the log it holds."""
-    from gpszip.view.inputs import put_on_plane
+    from gpszip.view.inputs import check_ids, put_on_plane
     from gpszip.view.page import build_page
     from gpszip.view.scene import ShownArchive, build_scene
 
@@ -137,6 +137,7 @@ def _build(
     log = () if read_result is None else read_result.tracks
     log_bytes = None if read_result is None else read_result.bytes
     tracks = put_on_plane(log, archives[0])
+    check_ids(tracks, archives)
     roads = _read_roads(network, archives[0], tracks)
     matching = _match(tracks, roads, listener) if is_matched and roads is not None else None
 
@@ -179,7 +180,12 @@ def _print_result(
 ) -> None:
     """Say what was written, and what of the log the page leaves out."""
     from gpszip.cli.output import print_json, print_status
-    from gpszip.cli.summary import output_label, print_json_result, print_losses
+    from gpszip.cli.summary import (
+        describe_repairs,
+        output_label,
+        print_json_result,
+        print_losses,
+    )
     from gpszip.cli.units import format_count
 
     # For programs.
@@ -198,4 +204,5 @@ def _print_result(
         text += f" with {format_count(drawn, 'point')}"
         if drawn < read_result.kept:
             text += f" of {read_result.kept:,}: of neighbours, those with the largest errors"
+        text = "; ".join([text, *describe_repairs(read_result.repairs)])
     print_status(text)

@@ -13,7 +13,14 @@ from gpszip.geo.planes import reproject_track
 from gpszip.model import Track
 from gpszip.model.text import axes_text
 
-__all__ = ["Archives", "check_coordinates", "list_tracks", "open_archives", "put_on_plane"]
+__all__ = [
+    "Archives",
+    "check_coordinates",
+    "check_ids",
+    "list_tracks",
+    "open_archives",
+    "put_on_plane",
+]
 
 #: One archive or several, opened or not.
 Archives: TypeAlias = "Archive | ArchiveSource | Sequence[Archive | ArchiveSource]"
@@ -66,6 +73,22 @@ def check_coordinates(tracks: Sequence[Track], archive: Archive) -> None:
                 location=f"track {track.id!r}",
                 remedy="give the log that was compressed",
             )
+
+
+def check_ids(tracks: Sequence[Track], archives: Sequence[Archive]) -> None:
+    """Refuse a log none of whose tracks is in an archive: it is another log.
+
+    Raises
+    ------
+    OptionError
+        If there are tracks, and no archive has any of them.
+    """
+    ids = [track.id for track in tracks]
+    if ids and not any(id in archive for archive in archives for id in ids):
+        raise OptionError(
+            f"no archive has a track {ids[0]!r} of the log; the first has {archives[0].ids[0]!r}",
+            remedy="give the log that was compressed",
+        )
 
 
 def put_on_plane(tracks: Sequence[Track], archive: Archive) -> tuple[Track, ...]:

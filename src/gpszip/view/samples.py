@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -82,10 +82,7 @@ def collect_samples(tracks: Sequence[Track], walks: Sequence[Walk], nodes: Float
     Samples
         Tracks without times, and tracks that the archive doesn't have, have no errors.
     """
-    # Of one track and one walk, names don't matter: a file without names is named after itself.
-    numbers: Mapping[str, int] = {walk.id: number for number, walk in enumerate(walks)}
-    if len(tracks) == len(walks) == 1:
-        numbers = {tracks[0].id: 0}
+    numbers = {walk.id: number for number, walk in enumerate(walks)}
     belongs = np.array([numbers.get(track.id, -1) for track in tracks], np.int64)
 
     # Errors of each track.

@@ -10,7 +10,7 @@ from gpszip.archive import Archive
 from gpszip.errors import OptionError
 from gpszip.files.atomic_write import atomic_write
 from gpszip.model.read_result import ReadResult
-from gpszip.view.inputs import Archives, list_tracks, open_archives, put_on_plane
+from gpszip.view.inputs import Archives, check_ids, list_tracks, open_archives, put_on_plane
 from gpszip.view.page import build_page
 from gpszip.view.scene import ShownArchive, build_scene
 
@@ -59,7 +59,8 @@ def write_page(
     Raises
     ------
     OptionError
-        If there are more archives than two, or coordinates of different kinds.
+        If there are more archives than two, coordinates of different kinds, or the log is another
+        one than the archives hold.
     OutputError
         If the file exists and ``force`` is not given, or it can't be written.
     """
@@ -68,6 +69,7 @@ def write_page(
     check_count(len(opened))
     check_coordinates_of(opened)
     tracks, log_bytes = list_tracks(raw), raw.bytes if isinstance(raw, ReadResult) else None
+    check_ids(tracks, opened)
     shown = [
         ShownArchive(archive, name or "archive", put_on_plane(tracks, archive), log_bytes)
         for archive, name in zip(opened, names, strict=True)
