@@ -159,6 +159,25 @@ GPX = (
 """,
 )
 
+TCX = (
+    """<?xml version="1.0" encoding="UTF-8"?>
+<TrainingCenterDatabase xmlns="http://www.garmin.com/xmlschemas/TrainingCenterDatabase/v2"
+ xmlns:e="http://www.garmin.com/xmlschemas/ActivityExtension/v2">
+<Activities><Activity Sport="Running"><Id>2024-05-04T08:00:00Z</Id><Lap><Track>
+<Trackpoint><Time>2024-05-04T08:00:00Z</Time><Position><LatitudeDegrees>48.1</LatitudeDegrees>
+<LongitudeDegrees>11.5</LongitudeDegrees></Position><AltitudeMeters>500</AltitudeMeters>
+<HeartRateBpm><Value>120</Value></HeartRateBpm></Trackpoint>
+<Trackpoint><Time>2024-05-04T08:00:10Z</Time></Trackpoint></Track></Lap><Lap><Track>
+<Trackpoint><Time>2024-05-04T08:00:20.5Z</Time><Position><LatitudeDegrees>48.2</LatitudeDegrees>
+<LongitudeDegrees>11.6</LongitudeDegrees></Position><Extensions><e:TPX><e:Speed>3</e:Speed></e:TPX>
+</Extensions></Trackpoint></Track></Lap></Activity></Activities>
+<Courses><Course><Name>plan</Name><Track><Trackpoint><Position>
+<LatitudeDegrees>48.1</LatitudeDegrees><LongitudeDegrees>11.5</LongitudeDegrees></Position>
+</Trackpoint></Track><CoursePoint><Name>left</Name></CoursePoint></Course></Courses>
+</TrainingCenterDatabase>
+""",
+)
+
 GEOJSON = (
     """{"type": "FeatureCollection", "features": [
 {"type": "Feature", "properties": {"id": "a", "time": "2024-05-04T08:00:00Z", "speed": 3},
@@ -487,13 +506,14 @@ TARGETS = {
         _log("csv", keep=("speed",), clean=True, sort=True), _texts(CSV[1:2])
     ),
     "gpx": Target(_log("gpx", keep=("ele",), split=True), _texts(GPX)),
+    "tcx": Target(_log("tcx", keep=("ele",), split=True), _texts(TCX)),
     "geojson": Target(_log("geojson", sort=True), _texts(GEOJSON)),
     "parquet": Target(_log("parquet"), _parquets, mutations.BINARY),
     "parquet, table": Target(_log("parquet"), _parquets, mutations.BINARY, _apply_to_table),
     "csv, stored": Target(_stored(format="csv", clean=True, sort=True), _texts(CSV)),
     "parquet, stored": Target(_stored(format="parquet"), _parquets, mutations.BINARY),
     "any log": Target(
-        _log(None, skip_bad=True), lambda: [*_texts(CSV + GPX + GEOJSON)(), *_parquets()]
+        _log(None, skip_bad=True), lambda: [*_texts(CSV + GPX + TCX + GEOJSON)(), *_parquets()]
     ),
     "roads geojson": Target(_network(".geojson"), _texts(ROADS_GEOJSON)),
     "roads graphml": Target(_network(".graphml"), _texts(ROADS_GRAPHML)),

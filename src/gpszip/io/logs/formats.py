@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 from gpszip.errors import InputError, OptionError, OutputError, UnknownFormatError
 from gpszip.io.deferred import deferred
-from gpszip.io.logs.gpx.xml_text import root_element
 from gpszip.io.logs.log_format import LogBatches, LogFormat
+from gpszip.io.logs.xml.text import root_element
 from gpszip.io.plugins import Guard, load_plugins
 
 if TYPE_CHECKING:
@@ -57,6 +57,14 @@ GPX = LogFormat(
     time_decimals=3,
 )
 
+TCX = LogFormat(
+    name="tcx",
+    suffixes=(".tcx",),
+    description="activities and courses; heart rate and others with --keep",
+    sniff=deferred("gpszip.io.logs.tcx.read", "sniff_tcx"),
+    read=deferred("gpszip.io.logs.tcx.read", "read_tcx"),
+)
+
 GEOJSON = LogFormat(
     name="geojson",
     suffixes=(".geojson", ".json"),
@@ -81,7 +89,7 @@ CSV = LogFormat(
 )
 
 #: The formats of GPSZip, in the order in which they are asked.
-LOG_FORMATS: tuple[LogFormat, ...] = (PARQUET, GPX, GEOJSON, CSV)
+LOG_FORMATS: tuple[LogFormat, ...] = (PARQUET, GPX, TCX, GEOJSON, CSV)
 
 #: Advice for files that no format reads, by their first bytes.
 _OTHER_FILES = (
@@ -95,9 +103,6 @@ _OTHER_FILES = (
 #: Advice for XML that no format reads, by the name of its root element in lower case.
 _OTHER_XML = {
     "kml": "it is KML; turn it into GPX: gpsbabel -i kml -f FILE -o gpx -F FILE.gpx",
-    "trainingcenterdatabase": (
-        "it is TCX; turn it into GPX: gpsbabel -i gtrnctr -f FILE -o gpx -F FILE.gpx"
-    ),
     "osm": "it is OpenStreetMap's, which has roads, not logs; 'gpszip network' reads it",
     "graphml": "it is GraphML, which has roads, not logs; 'gpszip network' reads it",
     "html": "it is a web page, perhaps of an error or a login; fetch the file again",
@@ -114,8 +119,8 @@ def log_formats() -> tuple[LogFormat, ...]:
 
     Examples
     --------
-    >>> [log_format.name for log_format in log_formats()][-4:]
-    ['parquet', 'gpx', 'geojson', 'csv']
+    >>> [log_format.name for log_format in log_formats()][-2:]
+    ['geojson', 'csv']
     """
     return (*load_plugins(_PLUGIN_GROUP, LogFormat, _guarded), *LOG_FORMATS)
 

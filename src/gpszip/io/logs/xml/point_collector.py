@@ -1,80 +1,113 @@
-"""The points of a GPX file, collected from the events of an XML parser.
+"""Points that are elements of their own, as in GPX and TCX, collected from the events of a parser.
 
 Coordinates, times and all else are kept as the texts in the file.
-:mod:`gpszip.io.logs.gpx.read` interprets them, column by column.
+:mod:`gpszip.io.logs.xml.interpret` interprets them, column by column.
 """
 
 from __future__ import annotations
 
 from array import array
+from collections import deque
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NoReturn
+from dataclasses import dataclass, field
+from typing import NoReturn
 from xml.parsers.expat import XMLParserType
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
-from numpy.typing import NDArray
 
-from gpszip.errors import InputError
+from gpszip.io.logs.xml.log_points import LogPoints, TextColumn
+from gpszip.io.logs.xml.parser import (
+    MAX_DEPTH,
+    MAX_LETTERS,
+    RefusedError,
+    local_name,
+    parse_chunks,
+    refuse_depth,
+)
+from gpszip.io.logs.xml.text import ReplacedBytes
+from gpszip.io.storage.source import Source
 
-__all__ = ["GpxPoints", "PointCollector", "RefusedError"]
-
-#: Depth of elements within each other, at most. Real files have about ten levels.
-_MAX_DEPTH = 200
-
-#: Letters of one text, such as a time or a name, at most.
-_MAX_LETTERS = 1 << 20
-
-#: Elements that hold points, by their names in lower case.
-_PARENTS = frozenset({"trk", "rte"})
-
-#: Points of tracks and routes, by their names in lower case.
-_POINTS = frozenset({"trkpt", "rtept"})
-
-#: Children of a point that hold further elements, and no text.
-_CONTAINERS = frozenset({"extensions", "link"})
+__all__ = ["PointCollector", "Vocabulary", "collect_points"]
 
 
-class RefusedError(InputError):
-    """The file has something that no GPX file needs."""
-
-
-@dataclass(frozen=True, eq=False)
-class GpxPoints:
-    """All points of the tracks and routes in a GPX file, in the order of the file.
+@dataclass(frozen=True, kw_only=True)
+class Vocabulary:
+    """Names of elements in a format, in lower case and without prefixes.
 
     Parameters
     ----------
-    lat, lon : pyarrow.ChunkedArray of string, shape (n,)
-        The attributes as texts; null if a point doesn't have them.
-    fields : mapping of str to pyarrow.ChunkedArray of string, shape (n,)
-        Texts of the elements that were asked for, by name in lower case; null if a point has no
-        such element or a blank one.
-    present : mapping of str to str
-        All elements that the points have: names as spelled in the file, by name in lower case.
-    names : tuple of str or None, length p
-        Name of each track or route that has points.
-    routes : bool array, shape (p,)
-        Whether each of these is a route.
-    parents : int array, shape (s,)
-        Index of the track or route that each segment belongs to. Only segments with points count.
-    starts : int array, shape (s,)
-        Index of the first point of each segment.
-    waypoints : int
-        Number of waypoints, which belong to no track and no route.
+    format_name : str
+        Name of the format for messages.
+    points : frozenset of str
+        Points of tracks and routes.
+    parents : frozenset of str
+        Elements that hold the points of one track or route.
+    plans : frozenset of str
+        Of these and of points, those of planned routes.
+    segment : str
+        The element between a parent and its points.
+    titles : frozenset of str
+        Children of a parent that name it.
+    waypoint : str
+        A place that belongs to no track.
+    containers : frozenset of str
+        Children of points that hold further elements, and no text.
+    no_fields : frozenset of str
+        Children of points whose texts are no fields.
+    renamed : mapping of str to str
+        Fields by other names: by the name of the element, or by ``child/element``.
+    has_attributes : bool
+        Whether the position of a point is in its attributes ``lat`` and ``lon``, rather than in
+        fields of these names.
     """
 
-    lat: pa.ChunkedArray
-    lon: pa.ChunkedArray
-    fields: Mapping[str, pa.ChunkedArray]
-    present: Mapping[str, str]
-    names: tuple[str | None, ...]
-    routes: NDArray[np.bool_]
-    parents: NDArray[np.intp]
-    starts: NDArray[np.intp]
-    waypoints: int
+    format_name: str
+    points: frozenset[str]
+    parents: frozenset[str]
+    plans: frozenset[str]
+    segment: str
+    titles: frozenset[str]
+    waypoint: str
+    containers: frozenset[str] = frozenset({"extensions"})
+    no_fields: frozenset[str] = frozenset()
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    has_attributes: bool = True
+
+
+def collect_points(
+    source: Source, vocabulary: Vocabulary, fields: Collection[str]
+) -> tuple[PointCollector, ReplacedBytes]:
+    """Collect the points of a file.
+
+    Elements are known by their names, in upper or lower case. Prefixes and namespaces don't matter.
+
+    Parameters
+    ----------
+    source : Source
+        The file or stream.
+    vocabulary : Vocabulary
+        Names of elements.
+    fields : collection of str
+        Elements of points to collect, by name in lower case, children of the points or deeper
+        within them. If a point has several of one name, the first one that isn't blank counts.
+
+    Returns
+    -------
+    PointCollector
+        With all points.
+    ReplacedBytes
+        Bytes that don't fit the encoding of the file.
+
+    Raises
+    ------
+    InputError
+        If the file is not well-formed XML, has a document type, or goes beyond a limit.
+    """
+    chunks = parse_chunks(
+        source, lambda parser: PointCollector(parser, vocabulary, fields), vocabulary.format_name
+    )
+    [parsed] = deque(chunks, maxlen=1)
+    return parsed
 
 
 class PointCollector:
@@ -87,15 +120,28 @@ class PointCollector:
     ----------
     parser : expat parser
         It must give attributes in order and join the pieces of texts.
+    vocabulary : Vocabulary
+        Names of elements.
     fields : collection of str
         Elements of points to collect, by name in lower case.
+
+    Attributes
+    ----------
+    waypoints : int
+        Number of waypoints, which belong to no track and no route.
+    repeated_positions : int
+        Number of positions after the first one of a point.
     """
 
-    def __init__(self, parser: XMLParserType, fields: Collection[str]) -> None:
+    def __init__(
+        self, parser: XMLParserType, vocabulary: Vocabulary, fields: Collection[str]
+    ) -> None:
         # Columns of the points so far, and the text and row of the current point.
         self._parser = parser
-        self._lat, self._lon = _TextColumn(), _TextColumn()
-        self._fields = {name: _TextColumn() for name in fields}
+        self._vocabulary = vocabulary
+        self._lat, self._lon = TextColumn(), TextColumn()
+        self._fields = {name: TextColumn() for name in fields}
+        self._positions = {"lat": self._lat, "lon": self._lon}
         self._present: dict[str, str] = {}
         self._text: list[str] = []
         self._row = -1
@@ -109,20 +155,17 @@ class PointCollector:
         self._parent_index = -1
         self._at_new_segment = True
         self._names: list[str | None] = []
-        self._routes: list[bool] = []
+        self._plans: list[bool] = []
         self._parents, self._starts = array("q"), array("q")
-        self._waypoints = 0
+        self.waypoints = 0
+        self.repeated_positions = 0
 
         # Within a point: the open elements, and whether the innermost one is a leaf so far. A
         # column is found by the outermost element, then by the innermost.
         self._path: list[str] = []
         self._is_leaf = False
-        self._columns: dict[str, dict[str, _TextColumn | None]] = {}
+        self._columns: dict[str, dict[str, TextColumn | None]] = {}
         self._point_names: set[str] = set()
-
-        # A document type may declare entities; it is refused before it does.
-        parser.StartDoctypeDeclHandler = _refuse_document_type
-        parser.EntityDeclHandler = _refuse_document_type
         self._leave_point()
 
     @property
@@ -146,22 +189,21 @@ class PointCollector:
         for column in (self._lat, self._lon, *self._fields.values()):
             column.flush()
         # A text without an end would grow with each chunk.
-        if sum(map(len, self._text)) > _MAX_LETTERS:
-            raise RefusedError(f"a text of more than {_MAX_LETTERS} letters", remedy="shorten it")
+        if sum(map(len, self._text)) > MAX_LETTERS:
+            raise RefusedError(f"a text of more than {MAX_LETTERS} letters", remedy="shorten it")
 
-    def finish(self) -> GpxPoints:
+    def finish(self) -> LogPoints:
         """Return all points."""
         present = self._fields.keys() & self._present.keys()
-        return GpxPoints(
+        return LogPoints(
             lat=self._lat.to_column(self.count),
             lon=self._lon.to_column(self.count),
             fields={name: self._fields[name].to_column(self.count) for name in present},
             present=self._present,
             names=tuple(self._names),
-            routes=np.array(self._routes, dtype=np.bool_),
+            plans=np.array(self._plans, dtype=np.bool_),
             parents=np.array(self._parents, dtype=np.intp),
             starts=np.array(self._starts, dtype=np.intp),
-            waypoints=self._waypoints,
         )
 
     # Handlers for elements around points
@@ -170,35 +212,36 @@ class PointCollector:
         # A point gets handlers of its own.
         # Files have few different names, so each is normalised once.
         kind = self._local_names.get(name) or self._local_names.setdefault(
-            name, _local(name).lower()
+            name, local_name(name).lower()
         )
-        if kind in _POINTS:
+        words = self._vocabulary
+        if kind in words.points:
             self._enter_point(name, kind, attributes)
             return
 
         # Other elements change what the next points belong to.
-        if kind in _PARENTS:
+        if kind in words.parents:
             self._begin_parent(kind)
-        elif kind == "trkseg":
+        elif kind == words.segment:
             self._at_new_segment = True
-        elif kind == "wpt":
-            self._waypoints += 1
+        elif kind == words.waypoint:
+            self.waypoints += 1
         elif self._is_title(kind):
             self._text.clear()
             self._parser.CharacterDataHandler = self._text.append
 
-        # Record the open element, and refuse nesting that no GPX file needs.
+        # Record the open element, and refuse nesting that no log needs.
         self._open.append(name)
-        if len(self._open) > _MAX_DEPTH:
-            _refuse_depth()
+        if len(self._open) > MAX_DEPTH:
+            refuse_depth()
 
     def _end(self, name: str) -> None:
         # Expat refuses tags that don't match, so the innermost element is the one that ends.
         self._open.pop()
         kind = self._local_names[name]
-        if kind in _PARENTS:
+        if kind in self._vocabulary.parents:
             self._begin_parent("")  # points from here on are outside of any track
-        elif kind == "trkseg":
+        elif kind == self._vocabulary.segment:
             self._at_new_segment = True
         elif self._is_title(kind):
             self._parser.CharacterDataHandler = None
@@ -210,7 +253,10 @@ class PointCollector:
 
     def _is_title(self, kind: str) -> bool:
         """Whether an element is the name of a track or route, rather than of something else."""
-        return kind == "name" and bool(self._open) and self._local_names[self._open[-1]] in _PARENTS
+        words = self._vocabulary
+        if kind not in words.titles or not self._open:
+            return False
+        return self._local_names[self._open[-1]] in words.parents
 
     def _name_parent(self, title: str) -> None:
         """Name the open track or route. The name comes before its points, or after them."""
@@ -220,8 +266,10 @@ class PointCollector:
                 self._names[self._parent_index] = title
 
     def _enter_point(self, name: str, kind: str, attributes: list[str]) -> None:
-        # Nearly all points have these two attributes in this order.
-        if len(attributes) == 4 and attributes[0] == "lat" and attributes[2] == "lon":
+        # Nearly all points of GPX have these two attributes in this order.
+        if not self._vocabulary.has_attributes:
+            pass
+        elif len(attributes) == 4 and attributes[0] == "lat" and attributes[2] == "lon":
             self._lat.texts.append(attributes[1])
             self._lon.texts.append(attributes[3])
         else:
@@ -245,9 +293,7 @@ class PointCollector:
             self._parent_index = len(self._names)
             self._names.append(self._parent_name)
             # A point outside of any track or route tells by its own name which it belongs to.
-            self._routes.append(
-                self._parent_kind == "rte" or (not self._parent_kind and kind == "rtept")
-            )
+            self._plans.append((self._parent_kind or kind) in self._vocabulary.plans)
         self._parents.append(self._parent_index)
         self._starts.append(self._row)
         self._at_new_segment = False
@@ -257,8 +303,8 @@ class PointCollector:
     def _start_field(self, name: str, _attributes: list[str]) -> None:
         path = self._path
         path.append(name)
-        if len(path) > _MAX_DEPTH:
-            _refuse_depth()
+        if len(path) > MAX_DEPTH:
+            refuse_depth()
         # The end of a child clears the flag, so an element with children is no leaf.
         self._is_leaf = True
         self._text.clear()
@@ -273,10 +319,14 @@ class PointCollector:
                 column = self._columns[path[0]][name]
             except KeyError:
                 column = self._new_column(name)
-            if column is not None and column.last_row != self._row:
+            if column is not None:
                 text = "".join(self._text)
-                if text and not text.isspace():
+                if not text or text.isspace():
+                    pass
+                elif column.last_row != self._row:
                     column.add(self._row, text)
+                elif column is self._lat:
+                    self.repeated_positions += 1
         elif not path:
             # The point itself ends.
             self._leave_point()
@@ -285,17 +335,25 @@ class PointCollector:
             _refuse_nested(name)
         path.pop()
 
-    def _new_column(self, name: str) -> _TextColumn | None:
+    def _new_column(self, name: str) -> TextColumn | None:
         """Return the column for an element that is new there; None if it isn't wanted."""
-        top, shown = _local(self._path[0]).lower(), _local(name)
+        words = self._vocabulary
+        top, shown = local_name(self._path[0]).lower(), local_name(name)
         field = shown.lower()
-        if field in _POINTS:
+        if field in words.points:
             _refuse_nested(name)
+
+        # Some fields go by another name.
+        renamed = words.renamed.get(f"{top}/{field}") or words.renamed.get(field)
+        if renamed is not None:
+            field = shown = renamed
 
         # The text of a link is no column, and the time of an extension is not the point's time.
         column = None
         is_other_time = field == "time" and len(self._path) > 1
-        if top != "link" and field not in _CONTAINERS and not is_other_time:
+        if not words.has_attributes and field in self._positions:
+            column = self._positions[field]
+        elif not (top in words.no_fields or field in words.containers or is_other_time):
             self._present.setdefault(field, shown)
             column = self._fields.get(field)
         self._columns.setdefault(self._path[0], {})[name] = column
@@ -307,64 +365,10 @@ class PointCollector:
         self._parser.CharacterDataHandler = None
 
 
-class _TextColumn:
-    """Texts of some points. Arrow's strings take a fifth of the memory of Python's."""
-
-    __slots__ = ("_chunks", "last_row", "rows", "texts")
-
-    def __init__(self) -> None:
-        self.texts: list[str | None] = []
-        self.rows = array("q")
-        self.last_row = -1
-        self._chunks: list[Any] = []
-
-    def add(self, row: int, text: str) -> None:
-        self.texts.append(text)
-        self.rows.append(row)
-        self.last_row = row
-
-    def flush(self) -> None:
-        chunk = pa.array(self.texts, pa.string())
-        self.texts.clear()
-        if (pc.max(pc.utf8_length(chunk)).as_py() or 0) > _MAX_LETTERS:
-            raise RefusedError(
-                f"a text of more than {_MAX_LETTERS} letters in a point", remedy="shorten it"
-            )
-        self._chunks.append(chunk)
-
-    def to_column(self, count: int) -> Any:
-        """Return one text for each of ``count`` points; null for those without."""
-        column = pa.chunked_array(self._chunks, pa.string())
-        if len(column) == count:
-            return column
-
-        # Place the texts at the rows of their points. The mask makes the other rows null.
-        index = np.full(count, -1, dtype=np.int64)
-        index[np.frombuffer(self.rows, dtype=np.int64)] = np.arange(len(column))
-        return column.take(pa.array(index, mask=index < 0))
-
-
-def _local(name: str) -> str:
-    """Return a name without its prefix."""
-    return name.rpartition(":")[2]
-
-
 def _attribute(attributes: Sequence[str], wanted: str) -> str | None:
     pairs = zip(attributes[::2], attributes[1::2], strict=True)
-    return next((value for name, value in pairs if _local(name).lower() == wanted), None)
-
-
-def _refuse_depth() -> NoReturn:
-    raise RefusedError(
-        f"elements more than {_MAX_DEPTH} deep within each other, which no GPX file needs"
-    )
+    return next((value for name, value in pairs if local_name(name).lower() == wanted), None)
 
 
 def _refuse_nested(name: str) -> NoReturn:
     raise RefusedError(f"a <{name}> within a point", remedy="close each point before the next")
-
-
-def _refuse_document_type(*_declaration: Any) -> NoReturn:
-    raise RefusedError(
-        "has a document type (<!DOCTYPE), which no GPX file needs", remedy="remove it"
-    )
