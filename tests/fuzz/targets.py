@@ -159,6 +159,30 @@ GPX = (
 """,
 )
 
+KML = (
+    """<?xml version="1.0" encoding="UTF-8"?>
+<kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2">
+<Document><name>day</name>
+<Placemark><name>walk</name><gx:MultiTrack><gx:Track><altitudeMode>absolute</altitudeMode>
+<when>2024-05-04T08:00:00Z</when><gx:coord>11.5 48.1 500</gx:coord>
+<when>2024-05-04T08:00:10.5Z</when><gx:coord>11.6 48.1 501</gx:coord>
+<gx:angles>90 0 0</gx:angles><gx:angles>91 0 0</gx:angles>
+<ExtendedData><SchemaData><gx:SimpleArrayData name="hr"><gx:value>60</gx:value>
+<gx:value>61</gx:value></gx:SimpleArrayData></SchemaData></ExtendedData></gx:Track>
+<gx:Track><when>2024-05-04T09:00:00Z</when><gx:coord>11.7 48.1</gx:coord></gx:Track>
+</gx:MultiTrack></Placemark>
+<Placemark><LineString><coordinates>11.5,48.1,0 11.6,48.2 11.7,48.3,7</coordinates></LineString>
+</Placemark></Document></kml>
+""",
+    """<kml><Folder><name>bus</name>
+<Placemark><TimeStamp><when>2024-05-04T08:00:00Z</when></TimeStamp><ExtendedData>
+<Data name="hr"><value>3</value></Data></ExtendedData>
+<Point><coordinates>11.5,48.1,500</coordinates></Point></Placemark>
+<Placemark><TimeSpan><begin>2024-05-04T08:01:00Z</begin></TimeSpan>
+<Point><coordinates>11.6,48.1</coordinates></Point></Placemark></Folder></kml>
+""",
+)
+
 TCX = (
     """<?xml version="1.0" encoding="UTF-8"?>
 <TrainingCenterDatabase xmlns="http://www.garmin.com/xmlschemas/TrainingCenterDatabase/v2"
@@ -506,6 +530,7 @@ TARGETS = {
         _log("csv", keep=("speed",), clean=True, sort=True), _texts(CSV[1:2])
     ),
     "gpx": Target(_log("gpx", keep=("ele",), split=True), _texts(GPX)),
+    "kml": Target(_log("kml", keep=("ele",), heading=True, split=True), _texts(KML)),
     "tcx": Target(_log("tcx", keep=("ele",), split=True), _texts(TCX)),
     "geojson": Target(_log("geojson", sort=True), _texts(GEOJSON)),
     "parquet": Target(_log("parquet"), _parquets, mutations.BINARY),
@@ -513,7 +538,8 @@ TARGETS = {
     "csv, stored": Target(_stored(format="csv", clean=True, sort=True), _texts(CSV)),
     "parquet, stored": Target(_stored(format="parquet"), _parquets, mutations.BINARY),
     "any log": Target(
-        _log(None, skip_bad=True), lambda: [*_texts(CSV + GPX + TCX + GEOJSON)(), *_parquets()]
+        _log(None, skip_bad=True),
+        lambda: [*_texts(CSV + GPX + KML + TCX + GEOJSON)(), *_parquets()],
     ),
     "roads geojson": Target(_network(".geojson"), _texts(ROADS_GEOJSON)),
     "roads graphml": Target(_network(".graphml"), _texts(ROADS_GRAPHML)),

@@ -192,7 +192,7 @@ def test_mistakes(tmp_path):
     with pytest.raises(OutputError, match="in x and y; write CSV"):
         write_tracks([in_metres()], io.BytesIO(), "gpx")
     with pytest.raises(OptionError, match="no format"):
-        write_tracks([in_metres()], io.BytesIO(), "kml")
+        write_tracks([in_metres()], io.BytesIO(), "xyz")
     with pytest.raises(OutputError, match="years 1 to 9999"):
         write_tracks([on_earth(start=1e12)], io.BytesIO(), "gpx")
 

@@ -57,6 +57,14 @@ GPX = LogFormat(
     time_decimals=3,
 )
 
+KML = LogFormat(
+    name="kml",
+    suffixes=(".kml", ".kmz"),
+    description="tracks, points with times, and lines as shapes; data with --keep",
+    sniff=deferred("gpszip.io.logs.kml.read", "sniff_kml"),
+    read=deferred("gpszip.io.logs.kml.read", "read_kml"),
+)
+
 TCX = LogFormat(
     name="tcx",
     suffixes=(".tcx",),
@@ -89,7 +97,7 @@ CSV = LogFormat(
 )
 
 #: The formats of GPSZip, in the order in which they are asked.
-LOG_FORMATS: tuple[LogFormat, ...] = (PARQUET, GPX, TCX, GEOJSON, CSV)
+LOG_FORMATS: tuple[LogFormat, ...] = (PARQUET, GPX, KML, TCX, GEOJSON, CSV)
 
 #: Advice for files that no format reads, by their first bytes.
 _OTHER_FILES = (
@@ -102,7 +110,6 @@ _OTHER_FILES = (
 
 #: Advice for XML that no format reads, by the name of its root element in lower case.
 _OTHER_XML = {
-    "kml": "it is KML; turn it into GPX: gpsbabel -i kml -f FILE -o gpx -F FILE.gpx",
     "osm": "it is OpenStreetMap's, which has roads, not logs; 'gpszip network' reads it",
     "graphml": "it is GraphML, which has roads, not logs; 'gpszip network' reads it",
     "html": "it is a web page, perhaps of an error or a login; fetch the file again",
