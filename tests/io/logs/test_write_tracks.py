@@ -10,10 +10,10 @@ import pytest
 from gpszip.errors import OptionError, OutputError
 from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.io.logs.formats import LOG_FORMATS
-from gpszip.io.logs.gpx.write import has_unwritable_letters
 from gpszip.io.logs.read import read_logs
 from gpszip.io.logs.track_rows import metre_decimals
 from gpszip.io.logs.write import write_tracks
+from gpszip.io.logs.xml.writing import has_unwritable_letters
 from gpszip.model import Plane, Track
 
 

@@ -59,10 +59,23 @@ GPX = LogFormat(
 
 KML = LogFormat(
     name="kml",
-    suffixes=(".kml", ".kmz"),
+    suffixes=(".kml",),
     description="tracks, points with times, and lines as shapes; data with --keep",
     sniff=deferred("gpszip.io.logs.kml.read", "sniff_kml"),
     read=deferred("gpszip.io.logs.kml.read", "read_kml"),
+    write=deferred("gpszip.io.logs.kml.write", "write_kml"),
+    describe_losses=deferred("gpszip.io.logs.kml.write", "describe_kml_losses"),
+    time_decimals=3,
+)
+
+# A zip archive is unpacked before its format is found, so that KMZ is read as KML.
+KMZ = replace(
+    KML,
+    name="kmz",
+    suffixes=(".kmz",),
+    description="KML in a zip archive",
+    write=deferred("gpszip.io.logs.kml.write", "write_kmz"),
+    is_binary=True,
 )
 
 TCX = LogFormat(
@@ -97,7 +110,7 @@ CSV = LogFormat(
 )
 
 #: The formats of GPSZip, in the order in which they are asked.
-LOG_FORMATS: tuple[LogFormat, ...] = (PARQUET, GPX, KML, TCX, GEOJSON, CSV)
+LOG_FORMATS: tuple[LogFormat, ...] = (PARQUET, GPX, KML, KMZ, TCX, GEOJSON, CSV)
 
 #: Advice for files that no format reads, by their first bytes.
 _OTHER_FILES = (
