@@ -76,7 +76,8 @@ def read(
         Files, patterns (``walks/*.gpx``), folders of Parquet, zip archives of files, ``-`` for
         standard input.
     format : str, optional
-        ``csv``, ``parquet``, ``gpx`` or ``geojson``; found by the content where left out.
+        A name that ``gpszip formats`` lists, such as ``csv`` or ``kml``; found by the content where
+        left out.
     columns : str, sequence of str, or mapping of str to str, optional
         ``t,x,y`` names the columns by position, ``t=when,x=east,y=north`` by name.
     time_unit : str, optional
