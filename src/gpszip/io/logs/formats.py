@@ -52,6 +52,7 @@ GPX = LogFormat(
     description="tracks and routes; extensions with --keep",
     sniff=deferred("gpszip.io.logs.gpx.read", "sniff_gpx"),
     read=deferred("gpszip.io.logs.gpx.read", "read_gpx"),
+    read_batches=deferred("gpszip.io.logs.gpx.read", "read_gpx_batches"),
     write=deferred("gpszip.io.logs.gpx.write", "write_gpx"),
     describe_losses=deferred("gpszip.io.logs.gpx.write", "describe_gpx_losses"),
     time_decimals=3,
@@ -63,6 +64,7 @@ KML = LogFormat(
     description="tracks, points with times, and lines as shapes; data with --keep",
     sniff=deferred("gpszip.io.logs.kml.read", "sniff_kml"),
     read=deferred("gpszip.io.logs.kml.read", "read_kml"),
+    read_batches=deferred("gpszip.io.logs.kml.read", "read_kml_batches"),
     write=deferred("gpszip.io.logs.kml.write", "write_kml"),
     describe_losses=deferred("gpszip.io.logs.kml.write", "describe_kml_losses"),
     time_decimals=3,
@@ -84,6 +86,7 @@ TCX = LogFormat(
     description="activities and courses; heart rate and others with --keep",
     sniff=deferred("gpszip.io.logs.tcx.read", "sniff_tcx"),
     read=deferred("gpszip.io.logs.tcx.read", "read_tcx"),
+    read_batches=deferred("gpszip.io.logs.tcx.read", "read_tcx_batches"),
 )
 
 GEOJSON = LogFormat(

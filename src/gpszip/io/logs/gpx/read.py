@@ -10,15 +10,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gpszip.errors import InputError
+from gpszip.io.logs.log_format import LogBatches
 from gpszip.io.logs.raw import RawLog, Request
-from gpszip.io.logs.xml.interpret import fields_to_collect, interpret_points, replacement_repairs
-from gpszip.io.logs.xml.point_collector import Vocabulary, collect_points
-from gpszip.io.logs.xml.text import root_element
+from gpszip.io.logs.xml.batches import open_batches
+from gpszip.io.logs.xml.facts import fields_to_collect
+from gpszip.io.logs.xml.interpret import interpret_points, replacement_repairs
+from gpszip.io.logs.xml.point_collector import PointCollector, Vocabulary, collect_points
+from gpszip.io.logs.xml.text import ReplacedBytes, root_element
 from gpszip.io.storage.source import Source
 from gpszip.model.read_result import LeftOut
 from gpszip.model.text import count_text
 
-__all__ = ["GPX_VOCABULARY", "read_gpx", "sniff_gpx"]
+__all__ = ["GPX_VOCABULARY", "read_gpx", "read_gpx_batches", "sniff_gpx"]
 
 GPX_VOCABULARY = Vocabulary(
     format_name="GPX",
@@ -87,8 +90,8 @@ def read_gpx(source: Source, request: Request) -> RawLog:
     """
     # Collect the texts of all points.
     collector, replaced = collect_points(source, GPX_VOCABULARY, fields_to_collect(request))
-    waypoints = count_text(collector.waypoints, "waypoint")
     if not collector.count:
+        waypoints = count_text(collector.waypoints, "waypoint")
         only = f", only {waypoints}" if collector.waypoints else ""
         raise InputError(
             f"no track points{only}; GPSZip reads tracks (trk) and routes (rte)", path=source.name
@@ -96,9 +99,38 @@ def read_gpx(source: Source, request: Request) -> RawLog:
 
     # Interpret them.
     log = interpret_points(collector.finish(), source, request)
-    left_out = (LeftOut(f"{source.name}: {waypoints}", "not a track"),)
+    return _complete(log, collector, replaced)
+
+
+def read_gpx_batches(source: Source, request: Request) -> LogBatches | None:
+    """Open a GPX file to be read in batches, as :func:`read_gpx` reads it at once.
+
+    Parameters
+    ----------
+    source, request
+        As for :func:`read_gpx`.
+
+    Returns
+    -------
+    LogBatches or None
+        None for a file that is refused when it is read at once.
+    """
+    wanted = fields_to_collect(request)
+    return open_batches(
+        source,
+        request,
+        lambda parser: PointCollector(parser, GPX_VOCABULARY, wanted, in_batches=True),
+        _complete,
+        "GPX",
+    )
+
+
+def _complete(log: RawLog, collector: PointCollector, replaced: ReplacedBytes) -> RawLog:
+    """Add what the file has besides points."""
+    waypoints = count_text(collector.waypoints, "waypoint")
+    left_out = (LeftOut(f"{log.name}: {waypoints}", "not a track"),)
     return replace(
         log,
-        repairs=(*replacement_repairs(replaced, source.name), *log.repairs),
+        repairs=(*replacement_repairs(replaced, log.name), *log.repairs),
         left_out=left_out if collector.waypoints else (),
     )

@@ -16,6 +16,7 @@ from gpszip.io.logs.kml.rows import RowTable, TextRows, join_points
 from gpszip.io.logs.kml.tracks import Track
 from gpszip.io.logs.xml.log_points import LogPoints
 from gpszip.io.logs.xml.parser import (
+    BATCH_POINTS,
     MAX_DEPTH,
     MAX_LETTERS,
     RefusedError,
@@ -101,16 +102,26 @@ class KmlCollector:
         It must give attributes in order and join the pieces of texts.
     wanted : collection of str
         Fields of points to store, by name in lower case.
+    in_batches : bool
+        Whether tracks and lines are to be taken out of ``batches`` while the file is parsed. A
+        track is never cut.
 
     Attributes
     ----------
     notes : Notes
         What else the file has.
+    batches : list of LogPoints
+        Complete batches.
     """
 
-    def __init__(self, parser: XMLParserType, wanted: Collection[str]) -> None:
+    def __init__(
+        self, parser: XMLParserType, wanted: Collection[str], *, in_batches: bool = False
+    ) -> None:
         # What was collected so far. Points with times are a log only if there are no tracks.
         self.notes = Notes()
+        self.batches: list[LogPoints] = []
+        self._in_batches = in_batches
+        self._rows_before = 0
         self._wanted = wanted
         self._tracks, self._points = RowTable(wanted), RowTable(wanted)
 
@@ -168,7 +179,13 @@ class KmlCollector:
     def count(self) -> int:
         """Number of points so far."""
         open_rows = 0 if self._track is None else len(self._track.coords)
-        return len(self._tracks) + len(self._points) + open_rows + len(self._line or ())
+        closed_rows = self._rows_before + len(self._tracks) + len(self._points)
+        return closed_rows + open_rows + len(self._line or ())
+
+    @property
+    def is_point_log(self) -> bool:
+        """Whether points with times are the log, since no track has times."""
+        return len(self._points) > 0 and not self._tracks.is_timed
 
     @property
     def open_elements(self) -> tuple[str, ...]:
@@ -203,10 +220,11 @@ class KmlCollector:
         Points with times beside tracks are markers, such as of a start; they are noted.
         """
         tracks = self._tracks.finish()
-        if self._tracks.is_timed and len(self._points):
+        if self.is_point_log:
+            return join_points(tracks, self._points.finish())
+        if len(self._points):
             self.notes.items[_MARKER] += len(self._points)
-            return tracks
-        return join_points(tracks, self._points.finish())
+        return tracks
 
     # Events
 
@@ -303,6 +321,9 @@ class KmlCollector:
             self.notes.repair(what, 1, self._placemarks, drops=False)
         if placemark.points:
             self._add_points(placemark)
+        if self._in_batches and len(self._tracks) >= BATCH_POINTS:
+            self._rows_before += len(self._tracks)
+            self.batches.append(self._tracks.end_batch())
 
     def _add_points(self, placemark: _Placemark) -> None:
         """Add points of the track that their container is, or note that they have no time."""

@@ -8,18 +8,22 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
+from xml.parsers.expat import XMLParserType
 
 from gpszip.errors import InputError
 from gpszip.io.logs.kml.collector import KmlCollector, Notes
+from gpszip.io.logs.log_format import LogBatches
 from gpszip.io.logs.raw import RawLog, Request
-from gpszip.io.logs.xml.interpret import fields_to_collect, interpret_points, replacement_repairs
+from gpszip.io.logs.xml.batches import open_batches
+from gpszip.io.logs.xml.facts import fields_to_collect
+from gpszip.io.logs.xml.interpret import interpret_points, replacement_repairs
 from gpszip.io.logs.xml.parser import parse_chunks
-from gpszip.io.logs.xml.text import root_element
+from gpszip.io.logs.xml.text import ReplacedBytes, root_element
 from gpszip.io.storage.source import Source
 from gpszip.model.read_result import LeftOut, Repair
 from gpszip.model.text import count_text
 
-__all__ = ["read_kml", "sniff_kml"]
+__all__ = ["read_kml", "read_kml_batches", "sniff_kml"]
 
 #: Elements that may be the root of a KML file, in lower case.
 _ROOTS = frozenset({"kml", "document", "folder", "placemark"})
@@ -84,8 +88,8 @@ def read_kml(source: Source, request: Request) -> RawLog:
     chunks = parse_chunks(source, lambda parser: KmlCollector(parser, wanted), "KML")
     [(collector, replaced)] = deque(chunks, maxlen=1)
     points = collector.finish()
-    left_out = _left_out(collector.notes, source.name)
     if not len(points):
+        left_out = _left_out(collector.notes, source.name)
         only = ", ".join(item.name.removeprefix(f"{source.name}: ") for item in left_out)
         raise InputError(
             f"no tracks{only and ', only '}{only}; GPSZip reads tracks, points with times, and "
@@ -94,15 +98,45 @@ def read_kml(source: Source, request: Request) -> RawLog:
         )
 
     # Interpret them.
-    log = interpret_points(points, source, request)
+    return _complete(interpret_points(points, source, request), collector, replaced)
+
+
+def read_kml_batches(source: Source, request: Request) -> LogBatches | None:
+    """Open a KML file to be read in batches of whole tracks, as :func:`read_kml` reads it at once.
+
+    Parameters
+    ----------
+    source, request
+        As for :func:`read_kml`.
+
+    Returns
+    -------
+    LogBatches or None
+        None for a file of points with times, which are sorted by their folders, and for one that is
+        refused when it is read at once.
+    """
+    wanted = fields_to_collect(request)
+    collectors: list[KmlCollector] = []
+
+    def make_collector(parser: XMLParserType) -> KmlCollector:
+        collectors.append(KmlCollector(parser, wanted, in_batches=True))
+        return collectors[-1]
+
+    # The first collector has seen the whole file by now.
+    opened = open_batches(source, request, make_collector, _complete, "KML")
+    return None if collectors[0].is_point_log else opened
+
+
+def _complete(log: RawLog, collector: KmlCollector, replaced: ReplacedBytes) -> RawLog:
+    """Add what the file has besides points."""
     return replace(
         log,
         repairs=(
-            *replacement_repairs(replaced, source.name),
-            *_repairs(collector.notes, source.name),
+            *replacement_repairs(replaced, log.name),
+            *_repairs(collector.notes, log.name),
             *log.repairs,
         ),
-        left_out=left_out,
+        left_out=_left_out(collector.notes, log.name),
     )
 
 

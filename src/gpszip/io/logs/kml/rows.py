@@ -91,11 +91,16 @@ class RowTable:
     """
 
     def __init__(self, wanted: Collection[str]) -> None:
-        self._coordinates = TextRows()
-        self._fields = {name: TextRows() for name in wanted}
+        self._wanted = tuple(wanted)
         self._present: dict[str, str] = {}
+        self._heights: set[str] = set()  # names of heights that some row has
         self.names: list[str | None] = []
         self.is_timed = False
+        self._begin_rows()
+
+    def _begin_rows(self) -> None:
+        self._coordinates = TextRows()
+        self._fields = {name: TextRows() for name in self._wanted}
         self._parents: list[int] = []
         self._starts: list[int] = []
         self._above_ground: list[bool] = []
@@ -201,12 +206,13 @@ class RowTable:
         }
 
         # A field of the same name hides a height. Fields that no row has are none.
-        fields = self._finish_fields(count)
-        present = dict(self._present)
+        fields, present = self._finish_fields(count), dict(self._present)
         for name, column in heights.items():
-            if name not in present and column.null_count < count:
-                present[name] = name
+            if column.null_count < count:
+                self._heights.add(name)
+            if name in self._heights and name not in present:
                 fields[name] = column
+                present[name] = name
         return LogPoints(
             lat=lat,
             lon=lon,
@@ -217,6 +223,12 @@ class RowTable:
             parents=np.array(self._parents, np.intp),
             starts=starts,
         )
+
+    def end_batch(self) -> LogPoints:
+        """Return the rows so far, and go on without them; the tracks keep their numbers."""
+        points = self.finish()
+        self._begin_rows()
+        return points
 
     def _finish_fields(self, count: int) -> dict[str, Any]:
         fields = {}

@@ -9,15 +9,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gpszip.errors import InputError
+from gpszip.io.logs.log_format import LogBatches
 from gpszip.io.logs.raw import RawLog, Request
-from gpszip.io.logs.xml.interpret import fields_to_collect, interpret_points, replacement_repairs
-from gpszip.io.logs.xml.point_collector import Vocabulary, collect_points
-from gpszip.io.logs.xml.text import root_element
+from gpszip.io.logs.xml.batches import open_batches
+from gpszip.io.logs.xml.facts import fields_to_collect
+from gpszip.io.logs.xml.interpret import interpret_points, replacement_repairs
+from gpszip.io.logs.xml.point_collector import PointCollector, Vocabulary, collect_points
+from gpszip.io.logs.xml.text import ReplacedBytes, root_element
 from gpszip.io.storage.source import Source
 from gpszip.model.read_result import LeftOut, Repair
 from gpszip.model.text import count_text
 
-__all__ = ["TCX_VOCABULARY", "read_tcx", "sniff_tcx"]
+__all__ = ["TCX_VOCABULARY", "read_tcx", "read_tcx_batches", "sniff_tcx"]
 
 #: The root element in lower case.
 _ROOT = "trainingcenterdatabase"
@@ -100,8 +103,8 @@ def read_tcx(source: Source, request: Request) -> RawLog:
     collector, replaced = collect_points(source, TCX_VOCABULARY, fields_to_collect(request))
     where = source.name
     points = collector.finish()
-    course_points = count_text(collector.waypoints, "course point")
     if not len(points):
+        course_points = count_text(collector.waypoints, "course point")
         only = f", only {course_points}" if collector.waypoints else ""
         raise InputError(
             f"no trackpoint{only}; GPSZip reads activities and courses with trackpoints", path=where
@@ -115,13 +118,42 @@ def read_tcx(source: Source, request: Request) -> RawLog:
         )
 
     # Interpret them.
-    log = interpret_points(points, source, request, "course")
-    left_out = (LeftOut(f"{where}: {course_points}", "not a track"),)
+    return _complete(interpret_points(points, source, request, "course"), collector, replaced)
+
+
+def read_tcx_batches(source: Source, request: Request) -> LogBatches | None:
+    """Open a TCX file to be read in batches, as :func:`read_tcx` reads it at once.
+
+    Parameters
+    ----------
+    source, request
+        As for :func:`read_tcx`.
+
+    Returns
+    -------
+    LogBatches or None
+        None for a file that is refused when it is read at once.
+    """
+    wanted = fields_to_collect(request)
+    return open_batches(
+        source,
+        request,
+        lambda parser: PointCollector(parser, TCX_VOCABULARY, wanted, in_batches=True),
+        _complete,
+        "TCX",
+        "course",
+    )
+
+
+def _complete(log: RawLog, collector: PointCollector, replaced: ReplacedBytes) -> RawLog:
+    """Add what the file has besides trackpoints."""
+    course_points = count_text(collector.waypoints, "course point")
+    left_out = (LeftOut(f"{log.name}: {course_points}", "not a track"),)
     return replace(
         log,
         repairs=(
-            *replacement_repairs(replaced, where),
-            *_repeated_positions(collector.repeated_positions, where),
+            *replacement_repairs(replaced, log.name),
+            *_repeated_positions(collector.repeated_positions, log.name),
             *log.repairs,
         ),
         left_out=left_out if collector.waypoints else (),

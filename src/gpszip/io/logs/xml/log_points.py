@@ -38,6 +38,8 @@ class LogPoints:
         Index of the track or route that each segment belongs to. Only segments with points count.
     starts : int array, shape (s,)
         Index of the first point of each segment.
+    continues : bool
+        Whether the first segment goes on with the last one of the batch before.
     """
 
     lat: pa.ChunkedArray
@@ -48,9 +50,26 @@ class LogPoints:
     plans: NDArray[np.bool_]
     parents: NDArray[np.intp]
     starts: NDArray[np.intp]
+    continues: bool = False
 
     def __len__(self) -> int:
         return len(self.lat)
+
+    @property
+    def segment_lengths(self) -> NDArray[np.intp]:
+        """Number of points of each segment."""
+        return np.diff(self.starts, append=len(self))
+
+    @property
+    def parent_of_points(self) -> NDArray[np.intp]:
+        """Index of the track or route of each point."""
+        return np.repeat(self.parents, self.segment_lengths)
+
+    def field(self, name: str) -> Any:
+        """Return the texts of a field; null for all points if they don't have it."""
+        if name in self.fields:
+            return self.fields[name]
+        return pa.chunked_array([pa.nulls(len(self), pa.string())])
 
 
 class TextColumn:

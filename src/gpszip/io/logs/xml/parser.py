@@ -18,6 +18,7 @@ from gpszip.io.storage.expansion import read_chunk
 from gpszip.io.storage.source import Source
 
 __all__ = [
+    "BATCH_POINTS",
     "MAX_DEPTH",
     "MAX_LETTERS",
     "RefusedError",
@@ -26,6 +27,9 @@ __all__ = [
     "parse_chunks",
     "refuse_depth",
 ]
+
+#: Points of a batch: about 20 MB of texts.
+BATCH_POINTS = 1 << 17
 
 #: Depth of elements within each other, at most. Real files have about ten levels.
 MAX_DEPTH = 200

@@ -17,6 +17,7 @@ import numpy as np
 
 from gpszip.io.logs.xml.log_points import LogPoints, TextColumn
 from gpszip.io.logs.xml.parser import (
+    BATCH_POINTS,
     MAX_DEPTH,
     MAX_LETTERS,
     RefusedError,
@@ -124,6 +125,8 @@ class PointCollector:
         Names of elements.
     fields : collection of str
         Elements of points to collect, by name in lower case.
+    in_batches : bool
+        Whether points are to be taken out of ``batches`` while the file is parsed.
 
     Attributes
     ----------
@@ -131,20 +134,31 @@ class PointCollector:
         Number of waypoints, which belong to no track and no route.
     repeated_positions : int
         Number of positions after the first one of a point.
+    batches : list of LogPoints
+        Complete batches, to be taken out; none unless points come in batches.
     """
 
     def __init__(
-        self, parser: XMLParserType, vocabulary: Vocabulary, fields: Collection[str]
+        self,
+        parser: XMLParserType,
+        vocabulary: Vocabulary,
+        fields: Collection[str],
+        *,
+        in_batches: bool = False,
     ) -> None:
         # Columns of the points so far, and the text and row of the current point.
         self._parser = parser
         self._vocabulary = vocabulary
-        self._lat, self._lon = TextColumn(), TextColumn()
-        self._fields = {name: TextColumn() for name in fields}
-        self._positions = {"lat": self._lat, "lon": self._lon}
+        self._wanted = tuple(fields)
         self._present: dict[str, str] = {}
         self._text: list[str] = []
-        self._row = -1
+        self._begin_columns()
+
+        # Batches.
+        self.batches: list[LogPoints] = []
+        self._last_row = BATCH_POINTS - 1 if in_batches else None  # it completes a batch
+        self._rows_before = 0
+        self._continues = False
 
         # Around points: the open elements, and the open track or route. A track gets its index with
         # its first point, so that tracks without points don't count.
@@ -156,7 +170,6 @@ class PointCollector:
         self._at_new_segment = True
         self._names: list[str | None] = []
         self._plans: list[bool] = []
-        self._parents, self._starts = array("q"), array("q")
         self.waypoints = 0
         self.repeated_positions = 0
 
@@ -164,14 +177,22 @@ class PointCollector:
         # column is found by the outermost element, then by the innermost.
         self._path: list[str] = []
         self._is_leaf = False
-        self._columns: dict[str, dict[str, TextColumn | None]] = {}
         self._point_names: set[str] = set()
         self._leave_point()
+
+    def _begin_columns(self) -> None:
+        """Begin columns without rows; they are found by the elements of points once more."""
+        self._lat, self._lon = TextColumn(), TextColumn()
+        self._fields = {name: TextColumn() for name in self._wanted}
+        self._positions = {"lat": self._lat, "lon": self._lon}
+        self._columns: dict[str, dict[str, TextColumn | None]] = {}
+        self._row = -1
+        self._parents, self._starts = array("q"), array("q")
 
     @property
     def count(self) -> int:
         """Number of points so far."""
-        return self._row + 1
+        return self._rows_before + self._row + 1
 
     @property
     def open_elements(self) -> tuple[str, ...]:
@@ -193,18 +214,31 @@ class PointCollector:
             raise RefusedError(f"a text of more than {MAX_LETTERS} letters", remedy="shorten it")
 
     def finish(self) -> LogPoints:
-        """Return all points."""
+        """Return all points; those of the last batch if they come in batches."""
+        count = self._row + 1
         present = self._fields.keys() & self._present.keys()
         return LogPoints(
-            lat=self._lat.to_column(self.count),
-            lon=self._lon.to_column(self.count),
-            fields={name: self._fields[name].to_column(self.count) for name in present},
+            lat=self._lat.to_column(count),
+            lon=self._lon.to_column(count),
+            fields={name: self._fields[name].to_column(count) for name in present},
             present=self._present,
             names=tuple(self._names),
             plans=np.array(self._plans, dtype=np.bool_),
             parents=np.array(self._parents, dtype=np.intp),
             starts=np.array(self._starts, dtype=np.intp),
+            continues=self._continues,
         )
+
+    def _end_batch(self) -> None:
+        """Complete a batch before the next point; its segment may go on in the next batch."""
+        self.flush()
+        self.batches.append(self.finish())
+        self._rows_before += self._row + 1
+        self._begin_columns()
+        self._continues = not self._at_new_segment
+        if self._continues:
+            self._parents.append(self._parent_index)
+            self._starts.append(0)
 
     # Handlers for elements around points
 
@@ -266,6 +300,9 @@ class PointCollector:
                 self._names[self._parent_index] = title
 
     def _enter_point(self, name: str, kind: str, attributes: list[str]) -> None:
+        if self._row == self._last_row:
+            self._end_batch()
+
         # Nearly all points of GPX have these two attributes in this order.
         if not self._vocabulary.has_attributes:
             pass
