@@ -177,6 +177,20 @@ def test_blank_times_and_positions_keep_their_places():
     ]
 
 
+def test_years_and_months_are_their_first_days():
+    times = ["2024", " 2024-03 ", "2024-05-04"]
+    parts = [f"<when>{time}</when>{coord(i, i)}" for i, time in enumerate(times)]
+    log = raw(placemark(track(*parts)))
+    expected = [datetime(2024, month, day, tzinfo=UTC) for month, day in ((1, 1), (3, 1), (5, 4))]
+    assert log.times.tolist() == [time.timestamp() for time in expected]
+
+
+def test_a_track_outside_a_placemark_is_named():
+    log = raw(WALK, placemark(WALK), "<LineString><coordinates>1,2</coordinates></LineString>")
+    assert [left.name for left in log.left_out] == ["walk.kml: 2 tracks without a placemark"]
+    assert len(log.times) == 2
+
+
 # Points
 
 
@@ -271,13 +285,13 @@ def test_what_is_no_track_is_named():
     names = [
         "1 polygon",
         "2 points without a time",
-        "1 line or track without positions",
+        "1 track without positions",
         "1 network link",
     ]
     log = raw(*others, placemark(WALK))
     assert [left.name for left in log.left_out] == [f"walk.kml: {name}" for name in names]
     assert log.left_out[-1].reason == "not followed"
-    with pytest.raises(InputError, match="no tracks, only 1 polygon, 2 points without a time, 1 l"):
+    with pytest.raises(InputError, match="no tracks, only 1 polygon, 2 points without a time, 1 t"):
         raw(*others)
     with pytest.raises(InputError, match="no tracks; GPSZip reads tracks, points with times, and"):
         raw()

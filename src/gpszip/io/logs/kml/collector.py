@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
+from typing import NamedTuple
 from xml.parsers.expat import XMLParserType
 
 from gpszip.io.logs.kml.coordinates import cut_positions
@@ -24,7 +25,7 @@ from gpszip.io.logs.xml.parser import (
     refuse_depth,
 )
 
-__all__ = ["KmlCollector", "Notes"]
+__all__ = ["Item", "KmlCollector", "Notes"]
 
 #: Elements that hold placemarks.
 _CONTAINERS = frozenset({"document", "folder"})
@@ -35,17 +36,40 @@ _LINES = frozenset({"linestring", "linearring"})
 #: Values of `<altitudeMode>` for heights above the ground.
 _ABOVE_GROUND = frozenset({"relativetoground", "relativetoseafloor"})
 
-#: Items that hold no track, by the element: what they are called, and why they are left out.
+
+class Item(NamedTuple):
+    """A kind of items that are left out.
+
+    Parameters
+    ----------
+    one, many : str
+        What one of them and several are called.
+    reason : str
+        Why they are left out.
+    """
+
+    one: str
+    many: str
+    reason: str
+
+
+#: Items that hold no track, by the element.
 _ITEMS = {
-    "polygon": ("polygon", "not a track"),
-    "model": ("model", "not a track"),
-    "networklink": ("network link", "not followed"),
+    "polygon": Item("polygon", "polygons", "not a track"),
+    "model": Item("model", "models", "not a track"),
+    "networklink": Item("network link", "network links", "not followed"),
 }
+
+#: Items that are counted where they end.
+_PLACE = Item("point without a time", "points without a time", "not a track")
+_MARKER = Item(
+    "point with a time", "points with a time", "beside tracks, such as a start or an end"
+)
+_OUTSIDE = Item("track without a placemark", "tracks without a placemark", "not read")
+_EMPTY = Item("track without positions", "tracks without positions", "empty")
 
 #: Descendants of a placemark that hold times and positions of something else.
 _VIEWS = frozenset({"lookat", "camera", "region", "style", "model", "polygon"})
-
-_Item = tuple[str, str]
 
 
 @dataclass
@@ -54,15 +78,15 @@ class Notes:
 
     Parameters
     ----------
-    items : Counter of (str, str)
-        Number of items that hold no track, by what they are and why they are left out.
+    items : Counter of Item
+        Number of items that hold no track.
     repairs : Counter of (str, bool)
         Number of points concerned, by the repair and whether it drops them.
     first : dict of str to int
         Number of the first placemark with each repair.
     """
 
-    items: Counter[_Item] = field(default_factory=Counter)
+    items: Counter[Item] = field(default_factory=Counter)
     repairs: Counter[tuple[str, bool]] = field(default_factory=Counter)
     first: dict[str, int] = field(default_factory=dict)
 
@@ -401,7 +425,7 @@ class KmlCollector:
         if self._placemark is not None:
             self._track = Track()
         else:
-            self.notes.items[_HOMELESS] += 1
+            self.notes.items[_OUTSIDE] += 1
 
     def _end_coord(self, text: str) -> None:
         if self._track is not None and self._parent() == "track":
@@ -433,7 +457,7 @@ class KmlCollector:
         if self._placemark is not None:
             self._line, self._rest = TextRows(), ""
         else:
-            self.notes.items[_HOMELESS] += 1
+            self.notes.items[_OUTSIDE] += 1
 
     def _end_coordinates(self, text: str) -> None:
         if self._line is not None and self._parent() in _LINES:
@@ -458,13 +482,6 @@ class KmlCollector:
         index = self._placemark_track(self._placemark, "line")
         self._tracks.begin_segment(index, above_ground=self._above_ground)
         self._tracks.add_rows(line.to_column())
-
-
-#: Items that are counted where they end.
-_PLACE: _Item = ("point without a time", "not a track")
-_MARKER: _Item = ("point with a time", "beside tracks, such as a start or an end")
-_HOMELESS: _Item = ("line without a placemark", "not read")
-_EMPTY: _Item = ("line or track without positions", "empty")
 
 
 def _attribute(attributes: list[str], wanted: str) -> str:

@@ -143,15 +143,9 @@ def _complete(log: RawLog, collector: KmlCollector, replaced: ReplacedBytes) -> 
 def _left_out(notes: Notes, where: str) -> tuple[LeftOut, ...]:
     """List the items that hold no track."""
     return tuple(
-        LeftOut(f"{where}: {_count_items(count, what)}", reason)
-        for (what, reason), count in notes.items.items()
+        LeftOut(f"{where}: {count_text(count, item.one, item.many)}", item.reason)
+        for item, count in notes.items.items()
     )
-
-
-def _count_items(count: int, what: str) -> str:
-    # The noun comes first: points without a time.
-    noun, blank, rest = what.partition(" with")
-    return f"{count_text(count, noun)}{blank}{rest}"
 
 
 def _repairs(notes: Notes, where: str) -> tuple[Repair, ...]:

@@ -19,6 +19,13 @@ __all__ = ["RowTable", "TextRows", "join_points"]
 _HEIGHT, _HEIGHT_ABOVE_GROUND = "alt", "height_above_ground"
 
 
+#: A year, and a year with a month, and how they become the first day.
+_SHORT_DATES = (
+    (r"^\s*(\d{4})\s*$", r"\1-01-01"),
+    (r"^\s*(\d{4}-\d{2})\s*$", r"\1-01"),
+)
+
+
 class TextRows:
     """A column of texts, with null for rows without one."""
 
@@ -238,8 +245,16 @@ class RowTable:
                 # Blank texts are none.
                 texts = column.to_column()
                 is_blank = pc.equal(pc.utf8_trim_whitespace(texts), "")
-                fields[name] = pc.if_else(is_blank, None, texts)
+                texts = pc.if_else(is_blank, None, texts)
+                fields[name] = _complete_dates(texts) if name == "time" else texts
         return fields
+
+
+def _complete_dates(texts: Any) -> Any:
+    """Return the first day of years and months; 2024 is no number of seconds in KML."""
+    for form, first_day in _SHORT_DATES:
+        texts = pc.replace_substring_regex(texts, form, first_day)
+    return texts
 
 
 def join_points(first: LogPoints, second: LogPoints) -> LogPoints:
