@@ -185,6 +185,12 @@ def test_years_and_months_are_their_first_days():
     assert log.times.tolist() == [time.timestamp() for time in expected]
 
 
+def test_the_model_of_a_track_is_no_item_of_its_own():
+    model = "<Model><Location><longitude>1</longitude></Location><name>car</name></Model>"
+    log = raw(placemark(WALK.replace("</gx:Track>", model + "</gx:Track>"), name="walk"))
+    assert (log.ids, log.left_out, len(log.times)) == (("walk",), (), 2)
+
+
 def test_a_track_outside_a_placemark_is_named():
     log = raw(WALK, placemark(WALK), "<LineString><coordinates>1,2</coordinates></LineString>")
     assert [left.name for left in log.left_out] == ["walk.kml: 2 tracks without a placemark"]

@@ -262,8 +262,8 @@ class KmlCollector:
         if len(self._open) > MAX_DEPTH:
             refuse_depth()
 
-        # Only what a placemark or a container holds itself counts.
-        if kind in _ITEMS and not self._ignored_depth:
+        # Only what a placemark or a container holds itself counts; a track may have a model.
+        if kind in _ITEMS and not self._ignored_depth and self._track is None:
             self.notes.items[_ITEMS[kind]] += 1
         if not self._ignored_depth and (kind in _VIEWS or kind == "networklink"):
             self._ignored_depth = len(self._open)
@@ -334,23 +334,29 @@ class KmlCollector:
         placemark, self._placemark = self._placemark, None
         if placemark is None:
             return
+
         # The name and the data of a track or line may come after it.
         for index in placemark.tracks.values():
             self._tracks.names[index] = placemark.name or self._container_name()
         if placemark.tracks:
             for name, text in placemark.data.items():
                 self._tracks.set_text(name, text, len(self._tracks) - placemark.first_row)
+
+        # Points become rows, if they have a time; lines can't use one.
         if "line" in placemark.tracks and placemark.times:
             what = "times of lines not read, as they don't tell when each position was passed"
             self.notes.repair(what, 1, self._placemarks, drops=False)
         if placemark.points:
             self._add_points(placemark)
+
+        # A batch ends with a placemark.
         if self._in_batches and len(self._tracks) >= BATCH_POINTS:
             self._rows_before += len(self._tracks)
             self.batches.append(self._tracks.end_batch())
 
     def _add_points(self, placemark: _Placemark) -> None:
         """Add points of the track that their container is, or note that they have no time."""
+        # Find their time.
         times = placemark.times
         time = times.get("when") or times.get("begin") or times.get("end")
         if not time:

@@ -266,6 +266,8 @@ def join_points(first: LogPoints, second: LogPoints) -> LogPoints:
         for name in names
     }
     present: Mapping[str, str] = {**second.present, **first.present}
+
+    # Tracks and rows of the second one are numbered after those of the first.
     return LogPoints(
         lat=_join(first.lat, second.lat),
         lon=_join(first.lon, second.lon),

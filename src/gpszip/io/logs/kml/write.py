@@ -146,6 +146,7 @@ def _group(lines: Sequence[TrackRows]) -> tuple[bytes, bytes]:
 
 def _write_line(line: TrackRows, sink: BinaryIO) -> None:
     """Write a track, or a shape."""
+    # A shape is one text of positions.
     has_heights = height_name(list(line.attributes)) is not None
     mode = "<altitudeMode>absolute</altitudeMode>" if has_heights else ""
     if line.times is None:

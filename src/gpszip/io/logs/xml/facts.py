@@ -41,6 +41,9 @@ _NAN = r"(?i)^\s*[+-]?nan\s*$"
 #: Names of elements that messages show.
 _MAX_SHOWN_NAMES = 20
 
+#: First points of a batch that mostly show whether coordinates have decimal points.
+_HEAD_POINTS = 100
+
 Flags = NDArray[np.bool_]
 
 
@@ -179,10 +182,15 @@ class _Collected:
         has_time = points.field("time").is_valid().to_numpy()
         self.timed_parents.update(np.unique(points.parent_of_points[has_time]).tolist())
 
-        # Decimal commas, and fields that are numbers.
+        # A decimal point anywhere rules out decimal commas; nearly all files begin with one.
         axes = [points.lat, points.lon]
-        self.has_comma = self.has_comma or has_decimal_comma(axes)
-        self.has_point = self.has_point or has_decimal_point(axes)
+        if not self.has_point:
+            head = [axis.slice(0, _HEAD_POINTS) for axis in axes]
+            self.has_point = has_decimal_point(head) or has_decimal_point(axes)
+        if not self.has_point:
+            self.has_comma = self.has_comma or has_decimal_comma(axes)
+
+        # Fields that are numbers.
         for name in fields:
             self._add_field(name, points.field(name))
 
