@@ -617,10 +617,14 @@ class Archive:
 
     @cached_property
     def _graph(self) -> RoadGraph:
-        """The road map on the grid, where lengths are exact wherever the log lies."""
+        """All segments of the walks on the grid, where lengths are exact wherever the log lies."""
         from gpszip.graph.road_graph import build_road_graph
+        from gpszip.walks.counting import build_road_map
 
-        return build_road_graph(self.grid_walks.nodes, self.road_map.edges)
+        # A segment that lies beyond the time range of its piece is part of the walk, but no travel:
+        # `road_map` doesn't have it.
+        nodes = self.grid_walks.nodes
+        return build_road_graph(nodes, build_road_map(nodes, self.grid_walks.walks).edges)
 
     # Tracks and the groups that hold them.
 

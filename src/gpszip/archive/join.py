@@ -28,6 +28,10 @@ _REMEDY = "'gpszip merge' makes one map of any archives"
 #: Grid steps by which two archives may differ about a knot that both have: new knots are rounded.
 _KNOT_TOLERANCE = 1.0
 
+#: Seconds by which two parts may overlap: both round the time of the cut outwards to a
+#: millisecond.
+_MAX_OVERLAP = 2.5e-3
+
 Floats = NDArray[np.float64]
 
 
@@ -49,7 +53,7 @@ class _JoinedWalk(NamedTuple):
     sources: tuple[int, ...]
 
 
-def join(archives: Sequence[Archive]) -> Archive:
+def join(archives: Sequence[Archive], *, names: Sequence[str] | None = None) -> Archive:
     """Join archives that lie on one grid, such as those that one archive was split into.
 
     Tracks of one id become one, if they follow each other in time: where the knots of one go on
@@ -59,6 +63,8 @@ def join(archives: Sequence[Archive]) -> Archive:
     ----------
     archives : sequence of Archive
         At least one.
+    names : sequence of str, optional
+        What messages call them; their numbers by default.
 
     Returns
     -------
@@ -72,7 +78,7 @@ def join(archives: Sequence[Archive]) -> Archive:
         If there is no archive, grids or known maps differ, tracks of one id overlap in time, or
         some archives keep other columns than the others.
     """
-    _check_together(archives)
+    _check_together(archives, names or [f"archive {i + 1}" for i in range(len(archives))])
     first = archives[0]
 
     # All walks on the nodes of all archives; the same knots have the same nodes.
@@ -80,7 +86,7 @@ def join(archives: Sequence[Archive]) -> Archive:
     owners = np.repeat(np.arange(len(archives)), [len(archive.ids) for archive in archives])
     by_id: dict[str, _JoinedWalk] = {}
     order = _by_time(archives)
-    names = dict.fromkeys(name for archive in archives for name in archive.ids)
+    ids = dict.fromkeys(name for archive in archives for name in archive.ids)
     for source, number in order:
         walk = archives[source].walks[number]
         own = walks.walks[int(np.flatnonzero(owners == source)[0]) + number]
@@ -94,7 +100,7 @@ def join(archives: Sequence[Archive]) -> Archive:
         by_id[walk.id] = added if before is None else _append(before, added, walk.id, walks.nodes)
 
     # One archive of them.
-    joined = [by_id[name] for name in names]
+    joined = [by_id[name] for name in ids]
     untimed = frozenset(i for i, track in enumerate(joined) if not len(track.time_ranges))
     timed = len(untimed) < len(joined)
     grid_walks = GridWalks(
@@ -106,10 +112,10 @@ def join(archives: Sequence[Archive]) -> Archive:
     reference = first.contents.map
     whole = new_archive(
         first.grid,
-        list(names),
+        list(ids),
         number_on_known_map(first, grid_walks),
         layer=first.contents.layer,
-        extras=_kept_section(archives, names, joined),
+        extras=_kept_section(archives, list(ids), joined),
         known_map=None if reference is None else first.map,
         refinements=0 if reference is None else reference.refinements,
         time_ranges=[track.time_ranges for track in joined] if timed else None,
@@ -118,13 +124,12 @@ def join(archives: Sequence[Archive]) -> Archive:
     return replace(whole, contents=replace(whole.contents, sampling=first.contents.sampling))
 
 
-def _check_together(archives: Sequence[Archive]) -> None:
+def _check_together(archives: Sequence[Archive], names: Sequence[str]) -> None:
     """Refuse archives that don't lie on one grid, or keep different columns."""
     if not archives:
         raise OptionError("no archive was given to join")
     first = archives[0]
-    for number, archive in enumerate(archives[1:], 2):
-        where = f"archive {number}"
+    for archive, where in zip(archives[1:], names[1:], strict=True):
         if archive.grid != first.grid:
             raise OptionError(
                 "lies on another grid than the first one", location=where, remedy=_REMEDY
@@ -167,7 +172,7 @@ def _append(
     """
     if not len(before.time_ranges) or not len(after.time_ranges):
         raise OptionError("has no times in several archives", location=f"track {name!r}")
-    if after.time_ranges[0, 0] < before.time_ranges[-1, 1]:
+    if after.time_ranges[0, 0] < before.time_ranges[-1, 1] - _MAX_OVERLAP:
         raise OptionError(
             "overlaps in time with the same track of another archive",
             location=f"track {name!r}",
@@ -219,7 +224,7 @@ def _check_shared(
 
 def _kept_section(
     archives: Sequence[Archive],
-    names: Sequence[str] | dict[str, None],
+    ids: Sequence[str],
     joined: Sequence[_JoinedWalk],
 ) -> tuple[Section, ...]:
     """Kept columns and times of all archives, track by track; nothing where none are kept."""
@@ -228,7 +233,7 @@ def _kept_section(
     times: list[Floats] = []
     columns: dict[str, list[NDArray[np.generic]]] = {name: [] for name in archives[0].kept_columns}
     counts = []
-    for name, track in zip(names, joined, strict=True):
+    for name, track in zip(ids, joined, strict=True):
         # A sample at the very time of the cut is in both archives.
         last, count = -np.inf, 0
         for source in track.sources:

@@ -7,8 +7,10 @@ travel begins and ends where the selection says, to a millisecond.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +41,7 @@ from gpszip.walks.restrict import (
     restrict_shape,
 )
 
-__all__ = ["decompress_selection", "select"]
+__all__ = ["decompress_selection", "iterate_selection", "select"]
 
 #: Share of a time step by which float noise may move a time off it.
 _STEP_TOLERANCE = 1e-6
@@ -90,8 +92,8 @@ class _SelectedWalks:
 def select(archive: Archive, selection: Selection) -> Archive:
     """Cut an archive to what is selected.
 
-    A track that leaves the area and comes back has a gap in between. An excursion between two
-    neighbouring knots is too short for a gap, and stays. Of tracks without times, the segments that
+    A track that leaves the area and comes back has a gap in between, unless it does so within a
+    time step of the grid. Of tracks without times, the segments that
     touch the area remain; a time range leaves them out.
 
     Parameters
@@ -119,17 +121,17 @@ def select(archive: Archive, selection: Selection) -> Archive:
     ids = [selected.walks[number].id for number in selected.numbers]
     kept = [selected.kept(number) for number in selected.numbers]
     cutter = _GridCutter(archive.grid, selected.grid_walks)
-    walks = tuple(
+    cut = [
         cutter.cut(selected.grid_walks.walks[number], of_walk)
         for number, of_walk in zip(selected.numbers, kept, strict=True)
-    )
+    ]
+    walks, time_ranges = tuple(walk for walk, _ in cut), [ranges for _, ranges in cut]
     untimed = frozenset(
         i for i, number in enumerate(selected.numbers) if number in selected.grid_walks.untimed
     )
     grid_walks = GridWalks(cutter.nodes, walks, archive.timed, untimed=untimed)
 
     # Code them, on the same known map if there is one.
-    time_ranges = [of_walk.time_ranges for of_walk in kept]
     reference = archive.contents.map
     part = new_archive(
         archive.grid,
@@ -164,7 +166,45 @@ def decompress_selection(
     dict of str to str
         Name of the track of each piece.
     """
-    selected = _select_walks(archive, selection)
+    return _build_selected(archive, _select_walks(archive, selection))
+
+
+def iterate_selection(
+    archive: Archive, selection: Selection
+) -> Iterator[tuple[list[Track], dict[str, str]]]:
+    """Yield what :func:`decompress_selection` returns, for one group of tracks after the other.
+
+    Raises
+    ------
+    UnknownTrackError
+        If there is no such track.
+    OptionError
+        If nothing is selected.
+    """
+    wanted = {archive._track_number(track) for track in selection.tracks}
+    # A name such as a/1 may be that of a track and of a piece of another group.
+    if any("/" in name for name in archive.ids):
+        yield decompress_selection(archive, selection)
+        return
+
+    found = False
+    for head in group_heads(archive.contents):
+        own = range(head.first_track, head.first_track + head.tracks)
+        ids = tuple(archive.ids[track] for track in own if not wanted or track in wanted)
+        if not ids:
+            continue
+        selected = _select_walks(archive, replace(selection, tracks=ids), may_be_empty=True)
+        if selected.numbers:
+            found = True
+            yield _build_selected(archive, selected)
+    if not found:
+        raise _nothing_selected(archive, selection)
+
+
+def _build_selected(
+    archive: Archive, selected: _SelectedWalks
+) -> tuple[list[Track], dict[str, str]]:
+    """Tracks of the knots that remain, and the track of each piece."""
     walks = [_restricted_walk(selected, number) for number in selected.numbers]
     named = pieces_by_track(walks)
     pieces = [
@@ -175,7 +215,9 @@ def decompress_selection(
     return pieces, {name: track for track, own in named.items() for name, _ in own}
 
 
-def _select_walks(archive: Archive, selection: Selection) -> _SelectedWalks:
+def _select_walks(
+    archive: Archive, selection: Selection, *, may_be_empty: bool = False
+) -> _SelectedWalks:
     """Decode the groups that a selection may concern, and restrict their walks."""
     geographic = archive.grid.plane is not None
     if selection.bbox is not None:
@@ -193,7 +235,7 @@ def _select_walks(archive: Archive, selection: Selection) -> _SelectedWalks:
         coordinates = map_coordinates(nodes, archive.grid.plane)
     restricted = [_restrict(walk, coordinates, selection, geographic=geographic) for walk in walks]
     selected = _SelectedWalks(grid_walks, walks, nodes, restricted)
-    if not selected.numbers:
+    if not selected.numbers and not may_be_empty:
         raise _nothing_selected(archive, selection)
     return selected
 
@@ -216,7 +258,8 @@ def _read_walks(
 
     # Equal nodes of several groups become one.
     if not groups:
-        raise _nothing_selected(archive, selection)
+        empty = GridWalks(np.zeros((0, archive.grid.dimension), np.int64), (), archive.timed)
+        return empty, []
     return groups[0] if len(groups) == 1 else merge_grid_walks(groups), ids
 
 
@@ -269,6 +312,22 @@ def _restricted_walk(selected: _SelectedWalks, number: int) -> Walk:
     return Walk(walk.id, walk.nodes[kept.knots], times, kept.gaps, ranges)
 
 
+class _Piece(NamedTuple):
+    """A piece of what remains of a walk.
+
+    Parameters
+    ----------
+    knots : int array, shape (k,)
+        Indices of its knots.
+    begin, end : float
+        Seconds at which travel begins and ends.
+    """
+
+    knots: NDArray[np.intp]
+    begin: float
+    end: float
+
+
 class _GridCutter:
     """Brings what remains of walks to the grid.
 
@@ -295,36 +354,68 @@ class _GridCutter:
         """The nodes of the walks, and new ones after them."""
         return np.concatenate([self._nodes, *(node[None] for node in self._new_nodes)])
 
-    def cut(self, walk: GridWalk, kept: RestrictedKnots) -> GridWalk:
-        """Return what remains of a walk."""
-        old_nodes, old_steps = walk.nodes[kept.knots], walk.time_steps[kept.knots]
-        nodes, steps = old_nodes.copy(), old_steps.copy()
-        last_of_all = len(nodes) - 1
-        remains = np.ones(len(nodes), np.bool_)
-        firsts = np.append(0, np.flatnonzero(kept.gaps) + 1)
-        lasts = np.append(np.flatnonzero(kept.gaps), last_of_all)
-        for first, last, (begin, end) in zip(
-            firsts.tolist(), lasts.tolist(), kept.time_ranges.tolist(), strict=True
+    def cut(self, walk: GridWalk, kept: RestrictedKnots) -> tuple[GridWalk, Floats]:
+        """Return what remains of a walk on the grid, and the time ranges of its pieces."""
+        # A shape has no times at which it could be cut.
+        if not len(kept.time_ranges):
+            shape = GridWalk(walk.nodes[kept.knots], walk.time_steps[kept.knots], kept.gaps)
+            return shape, kept.time_ranges
+
+        # Cut the pieces; the outer ends of a track have a finer place in the format than those at
+        # a gap, and a knot of two pieces has to give way in both.
+        pieces = self._distinct_pieces(kept)
+        nodes, steps = [], []
+        for number, piece in enumerate(pieces):
+            before = pieces[number - 1].knots[-1] if number else -1
+            after = pieces[number + 1].knots[0] if number + 1 < len(pieces) else len(walk.nodes)
+            limits = (
+                _MAX_OFFSET_STEPS if number == 0 else int(before < piece.knots[0]),
+                _MAX_OFFSET_STEPS if number == len(pieces) - 1 else int(after > piece.knots[-1]),
+            )
+            own_nodes, own_steps = self._cut_piece(walk, piece, limits)
+            nodes.append(own_nodes)
+            steps.append(own_steps)
+
+        # Join them, with a gap between any two.
+        gaps = np.zeros(sum(map(len, nodes)) - 1, np.bool_)
+        gaps[np.cumsum([len(own) for own in nodes])[:-1] - 1] = True
+        time_ranges = np.array([(piece.begin, piece.end) for piece in pieces])
+        return GridWalk(np.concatenate(nodes), np.concatenate(steps), gaps), time_ranges
+
+    def _distinct_pieces(self, kept: RestrictedKnots) -> list[_Piece]:
+        """Pieces of a walk; those that have a knot in common, and no time step between, are one."""
+        bounds = [0, *(np.flatnonzero(kept.gaps) + 1).tolist(), len(kept.knots)]
+        pieces: list[_Piece] = []
+        for (first, after), (begin, end) in zip(
+            pairwise(bounds), kept.time_ranges.tolist(), strict=True
         ):
-            # The outer ends of a track have a finer place in the format than those at a gap.
-            begin_step, end_step = self._steps_around(begin, end)
-            if begin_step - old_steps[first] > (1 if first else _MAX_OFFSET_STEPS):
-                segment = slice(first, first + 2)
-                nodes[first] = self._add_node(old_nodes[segment], old_steps[segment], begin_step)
-                steps[first] = begin_step
-            if old_steps[last] - end_step > (1 if last < last_of_all else _MAX_OFFSET_STEPS):
-                segment = slice(last - 1, last + 1)
-                nodes[last] = self._add_node(old_nodes[segment], old_steps[segment], end_step)
-                steps[last] = end_step
+            piece = _Piece(kept.knots[first:after], begin, end)
+            if pieces and piece.knots[0] <= pieces[-1].knots[-1]:
+                last_step = self._steps_around(pieces[-1].begin, pieces[-1].end)[1]
+                if self._steps_around(begin, end)[0] <= last_step:
+                    before = pieces.pop()
+                    piece = _Piece(np.union1d(before.knots, piece.knots), before.begin, end)
+            pieces.append(piece)
+        return pieces
 
-            # Both may lie on one time step of one segment.
-            remains[last] = first == last or steps[last] > steps[last - 1]
+    def _cut_piece(
+        self, walk: GridWalk, piece: _Piece, limits: tuple[int, int]
+    ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+        """Nodes and time steps of a piece, with new knots where its ends are beyond some steps."""
+        old_nodes, old_steps = walk.nodes[piece.knots], walk.time_steps[piece.knots]
+        nodes, steps = old_nodes.copy(), old_steps.copy()
+        begin_step, end_step = self._steps_around(piece.begin, piece.end)
+        if begin_step - old_steps[0] > limits[0]:
+            nodes[0] = self._add_node(old_nodes[:2], old_steps[:2], begin_step)
+            steps[0] = begin_step
+        if old_steps[-1] - end_step > limits[1]:
+            nodes[-1] = self._add_node(old_nodes[-2:], old_steps[-2:], end_step)
+            steps[-1] = end_step
 
-        # The gap behind a piece is that of the knot before its last one, where that goes.
-        gaps = np.zeros(int(remains.sum()) - 1, np.bool_)
-        ends = np.cumsum(remains)[lasts] - 1
-        gaps[ends[:-1]] = True
-        return GridWalk(nodes[remains], steps[remains], gaps)
+        # Both may be at one time step of one segment.
+        if len(steps) > 1 and steps[-1] <= steps[-2]:
+            return nodes[:-1], steps[:-1]
+        return nodes, steps
 
     def _steps_around(self, begin: float, end: float) -> tuple[int, int]:
         """The last time step at or before a time, and the first at or after another one."""

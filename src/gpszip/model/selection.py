@@ -11,10 +11,14 @@ import numpy as np
 from gpszip.errors import OptionError
 from gpszip.model.timestamps import Times, format_span, to_seconds
 
-__all__ = ["BoundingBox", "Selection", "make_selection"]
+__all__ = ["EVERYTHING", "BoundingBox", "Selection", "make_selection"]
 
 #: Degrees of a full turn.
 _FULL_TURN = 360.0
+
+#: Degrees that a side may lie east or west of Greenwich: more than 180, since a box may be written
+#: without the jump at the antimeridian.
+_MAX_LONGITUDE = 540.0
 
 
 @dataclass(frozen=True)
@@ -79,7 +83,8 @@ class BoundingBox:
                     remedy="write x from, y from, x to, y to, in metres",
                 )
             return
-        if max(abs(self.south), abs(self.north)) > 90 or max(abs(self.west), abs(self.east)) > 360:
+        latitudes, longitudes = (self.south, self.north), (self.west, self.east)
+        if max(map(abs, latitudes)) > 90 or max(map(abs, longitudes)) > _MAX_LONGITUDE:
             raise OptionError(
                 f"the box {self} is off the globe",
                 remedy="write west,south,east,north in degrees, such as 13.3,52.4,13.5,52.6",
@@ -140,6 +145,10 @@ class Selection:
         """The first and the last time, infinite where it is open."""
         begin = -math.inf if self.since is None else self.since
         return begin, math.inf if self.until is None else self.until
+
+
+#: The selection that leaves nothing out.
+EVERYTHING = Selection()
 
 
 def make_selection(

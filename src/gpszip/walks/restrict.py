@@ -104,7 +104,7 @@ def restrict_knots(walk: Walk, intervals: list[Floats]) -> RestrictedKnots | Non
     """Keep the knots that the travel in some intervals needs.
 
     Each interval needs the last knot before it, the first one after it, and all between. Two
-    intervals of a piece that need the same knot become one.
+    intervals of a piece may need the same knot, which then stands twice, with a gap between.
 
     Parameters
     ----------
@@ -132,17 +132,12 @@ def restrict_knots(walk: Walk, intervals: list[Floats]) -> RestrictedKnots | Non
     for knots, of_piece in zip(cut_at_gaps(walk), intervals, strict=True):
         times = walk.times[knots]
         for begin, end in of_piece.tolist():
-            # The knots around the interval; the piece may begin at its very start.
+            # The knots around the interval, of this piece.
             first = knots.start + max(int(np.searchsorted(times, begin, side="right")) - 1, 0)
             last = knots.start + min(int(np.searchsorted(times, end)), len(times) - 1)
 
-            # A knot has one time, so that it can't be in two pieces.
-            if ranges and first <= ranges[-1][1]:
-                ranges[-1] = ranges[-1][0], last
-                time_ranges[-1][1] = end
-            else:
-                ranges.append((first, last))
-                time_ranges.append([begin, end])
+            ranges.append((first, last))
+            time_ranges.append([begin, end])
     return _restricted(ranges, np.array(time_ranges)) if ranges else None
 
 
