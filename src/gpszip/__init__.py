@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         compress,
         coreset,
         decompress,
+        join,
         match,
         merge,
         open,

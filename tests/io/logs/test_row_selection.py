@@ -129,8 +129,8 @@ def test_a_shape_has_no_time_that_could_be_in_a_range(tmp_path):
 
 
 @given(
-    st.floats(-180, 180),
-    st.floats(0, 360),
+    st.integers(-180, 180),
+    st.integers(0, 360),
     st.lists(st.floats(-720, 720), min_size=1, max_size=5),
 )
 def test_longitudes_are_inside_whatever_their_turn(west, width, longitudes):
