@@ -247,6 +247,21 @@ def _texts(texts: Sequence[str]) -> Callable[[], Sequence[bytes]]:
 
 
 @cache
+def _fits() -> Sequence[bytes]:
+    from oracle import fit
+
+    start = 1_700_000_000
+    records = [
+        fit.record(start + i, 48 + i / 1e4, 11, [(3, fit.UINT8, 100 + i)], [(0, i)])
+        for i in range(12)
+    ]
+    described = fit.developer_field("note")
+    ends = fit.session(start, fit.SWIMMING), fit.session(start + 6, fit.RUNNING)
+    ride = fit.fit(fit.file_id(), *described, *records, *ends)
+    return [ride, ride + fit.fit(fit.file_id(fit.COURSE), *described, *records, endian=">")]
+
+
+@cache
 def _parquets() -> Sequence[bytes]:
     import numpy as np
     import pyarrow as pa
@@ -506,10 +521,12 @@ TARGETS = {
     "parquet, table": Target(_log("parquet"), _parquets, mutations.BINARY, _apply_to_table),
     "csv, stored": Target(_stored(format="csv", clean=True, sort=True), _texts(CSV)),
     "parquet, stored": Target(_stored(format="parquet"), _parquets, mutations.BINARY),
+    "fit": Target(_log("fit", skip_bad=True, sort=True, keep=("hr",)), _fits, mutations.BINARY),
     "nmea": Target(_log("nmea", keep=("alt", "speed"), sort=True), _texts(NMEA)),
     "nmea, stored": Target(_stored(format="nmea", split=True), _texts(NMEA)),
     "any log": Target(
-        _log(None, skip_bad=True), lambda: [*_texts(CSV + GPX + GEOJSON + NMEA)(), *_parquets()]
+        _log(None, skip_bad=True),
+        lambda: [*_texts(CSV + GPX + GEOJSON + NMEA)(), *_fits(), *_parquets()],
     ),
     "roads geojson": Target(_network(".geojson"), _texts(ROADS_GEOJSON)),
     "roads graphml": Target(_network(".graphml"), _texts(ROADS_GRAPHML)),

@@ -69,6 +69,16 @@ GEOJSON = LogFormat(
     write=deferred("gpszip.io.logs.geojson.write", "write_geojson"),
 )
 
+FIT = LogFormat(
+    name="fit",
+    suffixes=(".fit",),
+    description="activities and courses of watches and bicycle computers; fields with --keep",
+    sniff=deferred("gpszip.io.logs.fit.read", "sniff_fit"),
+    read=deferred("gpszip.io.logs.fit.read", "read_fit"),
+    is_binary=True,
+    extra="fit",
+)
+
 NMEA = LogFormat(
     name="nmea",
     suffixes=(".nmea", ".nma", ".log"),
@@ -90,7 +100,7 @@ CSV = LogFormat(
 )
 
 #: The formats of GPSZip, in the order in which they are asked.
-LOG_FORMATS: tuple[LogFormat, ...] = (PARQUET, GPX, GEOJSON, NMEA, CSV)
+LOG_FORMATS: tuple[LogFormat, ...] = (PARQUET, GPX, GEOJSON, FIT, NMEA, CSV)
 
 #: Advice for files that no format reads, by their first bytes.
 _OTHER_FILES = (
