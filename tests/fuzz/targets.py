@@ -247,6 +247,25 @@ def _texts(texts: Sequence[str]) -> Callable[[], Sequence[bytes]]:
 
 
 @cache
+def _histories() -> Sequence[bytes]:
+    from datetime import UTC, datetime, timedelta
+
+    from oracle import google
+
+    start = datetime(2024, 5, 4, tzinfo=UTC)
+    rows = [(start + timedelta(minutes=i), 48 + i / 1e3, 11.5, 7 + i % 2) for i in range(6)]
+    histories = [
+        google.records(rows),
+        google.old_records(rows),
+        google.android(rows, rows),
+        google.ios(rows),
+        google.edits(rows),
+        google.months(rows),
+    ]
+    return [google.encode(history) for history in histories]
+
+
+@cache
 def _fits() -> Sequence[bytes]:
     from oracle import fit
 
@@ -521,12 +540,14 @@ TARGETS = {
     "parquet, table": Target(_log("parquet"), _parquets, mutations.BINARY, _apply_to_table),
     "csv, stored": Target(_stored(format="csv", clean=True, sort=True), _texts(CSV)),
     "parquet, stored": Target(_stored(format="parquet"), _parquets, mutations.BINARY),
+    "google": Target(_log("google", skip_bad=True, sort=True, keep=("accuracy",)), _histories),
+    "google, stored": Target(_stored(format="google-paths", split=True), _histories),
     "fit": Target(_log("fit", skip_bad=True, sort=True, keep=("hr",)), _fits, mutations.BINARY),
     "nmea": Target(_log("nmea", keep=("alt", "speed"), sort=True), _texts(NMEA)),
     "nmea, stored": Target(_stored(format="nmea", split=True), _texts(NMEA)),
     "any log": Target(
         _log(None, skip_bad=True),
-        lambda: [*_texts(CSV + GPX + GEOJSON + NMEA)(), *_fits(), *_parquets()],
+        lambda: [*_texts(CSV + GPX + GEOJSON + NMEA)(), *_histories(), *_fits(), *_parquets()],
     ),
     "roads geojson": Target(_network(".geojson"), _texts(ROADS_GEOJSON)),
     "roads graphml": Target(_network(".graphml"), _texts(ROADS_GRAPHML)),

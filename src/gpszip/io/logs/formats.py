@@ -69,6 +69,24 @@ GEOJSON = LogFormat(
     write=deferred("gpszip.io.logs.geojson.write", "write_geojson"),
 )
 
+GOOGLE = LogFormat(
+    name="google",
+    suffixes=(),
+    description="location histories: Records, Timeline of Android and iOS, by month; JSON",
+    sniff=deferred("gpszip.io.logs.google.read", "sniff_google"),
+    read=deferred("gpszip.io.logs.google.read", "read_google"),
+    read_batches=deferred("gpszip.io.logs.google.read", "read_google_batches"),
+)
+
+GOOGLE_PATHS = LogFormat(
+    name="google-paths",
+    suffixes=(),
+    description="paths of location histories that have positions, too; only with --format",
+    sniff=deferred("gpszip.io.logs.google.read", "sniff_google_paths"),
+    read=deferred("gpszip.io.logs.google.read", "read_google_paths"),
+    read_batches=deferred("gpszip.io.logs.google.read", "read_google_paths_batches"),
+)
+
 FIT = LogFormat(
     name="fit",
     suffixes=(".fit",),
@@ -100,7 +118,16 @@ CSV = LogFormat(
 )
 
 #: The formats of GPSZip, in the order in which they are asked.
-LOG_FORMATS: tuple[LogFormat, ...] = (PARQUET, GPX, GEOJSON, FIT, NMEA, CSV)
+LOG_FORMATS: tuple[LogFormat, ...] = (
+    PARQUET,
+    GPX,
+    GOOGLE,
+    GOOGLE_PATHS,
+    GEOJSON,
+    FIT,
+    NMEA,
+    CSV,
+)
 
 #: Advice for files that no format reads, by their first bytes.
 _OTHER_FILES = (
