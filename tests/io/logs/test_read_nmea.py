@@ -135,6 +135,15 @@ def test_dates_that_a_wrong_week_number_explains_are_told(year):
     assert (repair.count, repair.drops, repair.value) == (3, False, f"{year}-03-07")
 
 
+def test_numbers_of_another_notation_are_neither_degrees_nor_dates():
+    rows = ("1e999,N,01131.0,E", "4860.1,N,01131.0,E", "nan,N,01131.0,E", "4807.0,X,01131.0,E")
+    bad = [sentence(f"GPRMC,102930,A,{row},,,070321,,") for row in rows]
+    dates = [sentence(f"GPZDA,102931,{date}") for date in ("1e999,3,2021", "07,03,1e3", "7,,")]
+    reading = read(rmc(seconds(0), 48, 11), *bad, *dates, rmc(seconds(1), 48, 11))
+    assert len(reading.tracks[0]) == 2
+    assert read(rmc(seconds(0), 48, 11), bad[0], rmc(seconds(2), 48, 11)).lost == 1
+
+
 def test_times_and_dates_that_are_none_are_no_times():
     good = rmc(seconds(0), 48, 11)
     for time in ("246000", "106100", "10292", "1029290", "nan"):
@@ -202,6 +211,8 @@ def test_other_sentences_are_ignored_and_named():
         read(ships)
     with pytest.raises(InputError, match=r"only 1 GSV; record RMC or GGA"):
         read(GSV)
+    with pytest.raises(InputError, match=r"only dates and speeds; record RMC or GGA"):
+        read(zda(seconds(0)), VTG)
 
 
 # Files

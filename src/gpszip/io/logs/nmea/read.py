@@ -5,7 +5,6 @@ All positions are one track. Everything is read in batches, so logs may be large
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Iterator
 
@@ -44,6 +43,9 @@ _OTHER_KINDS = (b"PK\x03\x04", b"SQLite format 3")
 #: Days from 1970 to 1999-08-22, when the week number of GPS started at 0 again: receivers that
 #: don't know show later days 1024 weeks early.
 _FIRST_DAY = 10_825
+
+#: Types of sentences with messages of AIS.
+_AIS = frozenset({"VDM", "VDO"})
 
 #: Share of damaged sentences above which a file is not complete, as for points of tracks.
 _MAX_WRONG_SHARE = 0.1
@@ -164,6 +166,8 @@ class _Reader:
         unreadable: tuple[UnreadableCell, ...] = ()
         if is_void.any():
             unreadable = (UnreadableCell("status", int(is_void.argmax()), "not valid"),)
+
+        # Attributes that are there, but not asked for, are named.
         dropped = tuple(
             name
             for name in _SYNONYMS
@@ -197,29 +201,27 @@ class _Reader:
     # What was repaired and left out
 
     def _repairs(self) -> tuple[Repair, ...]:
-        counts, calendar = self._counts, self._calendar
-        others = [name for name, _ in counts.others.most_common(_MAX_SHOWN_TYPES)]
-        odd_day = np.datetime64(int(self._first_odd_day), "D")
-        undated = "points without a date dated by the sentences around them"
-        timeless = "points timed from the midnight before the first one, as the log has no date"
+        # Points.
+        counts, undated = self._counts, "points without a date dated by the sentences around them"
+        undated_count = self._calendar.undated
+        if not self._has_dates:
+            undated = "points timed from the midnight before the first one, as the log has no date"
+            undated_count = self._points
+        odd = (
+            "points with dates before August 1999 or in the future, perhaps by a wrong week number"
+        )
+        odd_day = str(np.datetime64(int(self._first_odd_day), "D"))
+        untimed = int(counts.untimed.max())
+
+        # Sentences.
+        others = ", ".join(name for name, _ in counts.others.most_common(_MAX_SHOWN_TYPES))
+        all_others = sum(counts.others.values())
         kinds = (
-            ("points without a time dropped", int(counts.untimed.max()), True, ""),
+            ("points without a time dropped", untimed, True, ""),
+            (undated, undated_count, False, ""),
+            (f"{odd} of the receiver, kept", self._odd_days, False, odd_day),
             ("sentences with a wrong checksum left out", counts.wrong, False, ""),
-            (undated, calendar.undated if self._has_dates else 0, False, ""),
-            (timeless, 0 if self._has_dates else self._points, False, ""),
-            (
-                "points with dates before August 1999 or in the future, perhaps by a wrong week "
-                "number of the receiver, kept",
-                self._odd_days,
-                False,
-                str(odd_day),
-            ),
-            (
-                "sentences without a position ignored",
-                sum(counts.others.values()),
-                False,
-                ", ".join(others),
-            ),
+            ("sentences without a position ignored", all_others, False, others),
         )
         return tuple(
             Repair(what, count, self._name, drops=drops, value=value)
@@ -228,28 +230,27 @@ class _Reader:
         )
 
     def _left_out(self) -> tuple[LeftOut, ...]:
-        wrong, all_ = self._counts.wrong, self._counts.wrong + self._counts.read
-        if wrong <= _MAX_WRONG_SHARE * all_:
+        wrong, found = self._counts.wrong, self._counts.wrong + self._counts.read
+        if wrong <= _MAX_WRONG_SHARE * found:
             return ()
-        what = f"{self._name}: {wrong:,} of {all_:,} sentences"
+        what = f"{self._name}: {wrong:,} of {found:,} sentences"
         return (LeftOut(what, "their checksums are wrong or missing"),)
 
     def _no_position_error(self) -> InputError:
-        if self._counts.wrong:
-            reason = f"the checksums of all its {self._counts.wrong:,} sentences are wrong"
+        # All sentences with positions may be damaged.
+        counts = self._counts
+        if counts.wrong:
+            reason = f"the checksums of all its {counts.wrong:,} sentences are wrong"
             return InputError(reason, path=self._name, remedy="fetch or record it again")
-        others = ", ".join(
-            f"{count:,} {name}" for name, count in self._counts.others.most_common(_MAX_SHOWN_TYPES)
-        )
-        # Positions of ships are in messages of AIS, which are not the log's own.
-        if any(re.match("(AI)?VD[MO]", name) for name in self._counts.others):
-            remedy = "decode messages of AIS to CSV first"
-        else:
-            remedy = "record RMC or GGA"
+
+        # Say what is in it. Positions of ships are in messages of AIS, not the log's own.
+        found = [f"{n:,} {name}" for name, n in counts.others.most_common(_MAX_SHOWN_TYPES)]
+        only = ", ".join(found) or "dates and speeds"
+        is_ais = not _AIS.isdisjoint(counts.others)
         return InputError(
-            f"NMEA 0183 without a sentence of positions (RMC, GGA, GNS, GLL), only {others}",
+            f"NMEA 0183 without a sentence of positions (RMC, GGA, GNS, GLL), only {only}",
             path=self._name,
-            remedy=remedy,
+            remedy="decode messages of AIS to CSV first" if is_ais else "record RMC or GGA",
         )
 
 

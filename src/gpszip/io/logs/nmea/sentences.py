@@ -95,6 +95,11 @@ _TIME_DECIMALS = 6
 #: Two-digit years from which on the year is in the last century.
 _LAST_CENTURY = 80
 
+#: The value of each letter as a hexadecimal digit; 0 for others, which no checksum has.
+_HEX_VALUES = np.array(
+    [int(chr(i), 16) if chr(i) in "0123456789abcdefABCDEF" else 0 for i in range(256)], np.uint8
+)
+
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -227,6 +232,8 @@ def _parse(text: str, counts: SentenceCounts, *, is_checked: bool) -> NDArray[np
         right = _is_right(pc.binary_join_element_wise(names, checked, ","))
         counts.wrong += int((~right).sum())
         bodies, types = bodies.filter(pa.array(right)), types.filter(pa.array(right))
+
+    # Read their fields.
     counts.read += len(bodies)
     kinds = pc.index_in(types, pa.array(KINDS)).to_numpy(zero_copy_only=False)
     return _read_fields(bodies, np.asarray(kinds, dtype=np.int8))
@@ -245,6 +252,7 @@ def _count_others(names: Any, counts: SentenceCounts) -> None:
 
 def _is_right(sentences: Any) -> Flags:
     """Whether the checksum of each sentence, which follows its last ``*``, is right."""
+    # reduceat needs at least one.
     if not len(sentences):
         return np.zeros(0, dtype=np.bool_)
 
@@ -262,12 +270,6 @@ def _is_right(sentences: Any) -> Flags:
     sums = sums ^ ord("*") ^ high ^ low
     right: Flags = has_checksum & (sums == _HEX_VALUES[high] * 16 + _HEX_VALUES[low])
     return right
-
-
-#: The value of each letter as a hexadecimal digit; 0 for others, which no checksum has.
-_HEX_VALUES = np.array(
-    [int(chr(i), 16) if chr(i) in "0123456789abcdefABCDEF" else 0 for i in range(256)], np.uint8
-)
 
 
 def _read_fields(bodies: Any, kinds: NDArray[np.int8]) -> NDArray[np.void]:
@@ -293,8 +295,9 @@ def _read_fields(bodies: Any, kinds: NDArray[np.int8]) -> NDArray[np.void]:
     out["day"] = _days(column)
     axes: tuple[tuple[Axis, str], ...] = (("lat", "north"), ("lon", "east"))
     for axis, hemisphere in axes:
+        is_packed = pc.match_substring_regex(column[axis], r"^\d{3,5}(\.\d*)?$")
         out[axis] = parse_degrees(
-            column[axis],
+            pc.if_else(is_packed, column[axis], None),
             axis,
             hemisphere=column[hemisphere],
             packed_minutes=True,
@@ -319,21 +322,24 @@ def _seconds_of_day(texts: Any) -> Floats:
 def _days(column: dict[str, Any]) -> Floats:
     """Return the dates of RMC and ZDA in days since 1970; NaN for sentences without one."""
     # RMC writes day, month and year as 070321, ZDA in three fields.
-    dates = to_floats(
-        pc.if_else(pc.match_substring_regex(column["date"], r"^\d{6}$"), column["date"], None)
-    )
-    short_year = dates % 100
-    year = np.where(short_year >= _LAST_CENTURY, 1900 + short_year, 2000 + short_year)
-    day, month = dates // 10_000, dates // 100 % 100
+    dates = _digits(column["date"], 6)
     is_short = np.isfinite(dates)
-    year = np.where(is_short, year, to_floats(column["year"]))
-    month = np.where(is_short, month, to_floats(column["month"]))
-    day = np.where(is_short, day, to_floats(column["day"]))
+    short_year = dates % 100
+    long_year = np.where(short_year >= _LAST_CENTURY, 1900 + short_year, 2000 + short_year)
+    year = np.where(is_short, long_year, _digits(column["year"], 4))
+    month = np.where(is_short, dates // 100 % 100, _digits(column["month"], 2))
+    day = np.where(is_short, dates // 10_000, _digits(column["day"], 2))
 
     # A date is valid if it is in its month.
     is_valid = (year >= 1970) & (year < 2100) & (month >= 1) & (month <= 12)
-    is_valid &= (day >= 1) & (day <= 31) & (day % 1 == 0) & (month % 1 == 0) & (year % 1 == 0)
+    is_valid &= (day >= 1) & (day <= 31)
     months = np.where(is_valid, (year - 1970) * 12 + month - 1, 0).astype("M8[M]")
     dated = months.astype("M8[D]") + np.where(is_valid, day - 1, 0).astype("m8[D]")
     is_valid &= dated.astype("M8[M]") == months
     return np.where(is_valid, dated.astype(np.float64), np.nan)
+
+
+def _digits(texts: Any, count: int) -> Floats:
+    """Return whole numbers of this number of digits; NaN for what is none."""
+    is_number = pc.match_substring_regex(texts, rf"^\d{{{count}}}$")
+    return to_floats(pc.if_else(is_number, texts, None))
