@@ -105,6 +105,12 @@ def test_devices_are_tracks():
     assert raw(g.android(ROWS)).ids == ()
 
 
+def test_the_first_list_decides_whether_devices_are_tracks():
+    signals = g.signals(ROWS) * 6000
+    assert raw({"rawSignals": signals, **g.records(ROWS)}).ids == ()
+    assert raw({**g.records(ROWS), "rawSignals": signals}).ids == ("7", "history")
+
+
 def test_positions_and_paths_are_never_mixed():
     measured = [(time + timedelta(days=400), lat, lon, 0) for time, lat, lon, _ in ROWS[:4]]
     history = g.android(ROWS, measured)

@@ -99,7 +99,7 @@ FIT = LogFormat(
 
 NMEA = LogFormat(
     name="nmea",
-    suffixes=(".nmea", ".nma", ".log"),
+    suffixes=(".nmea", ".nma"),
     description="NMEA 0183: RMC, GGA, GLL, GNS, ZDA and VTG of any receiver",
     sniff=deferred("gpszip.io.logs.nmea.read", "sniff_nmea"),
     read=deferred("gpszip.io.logs.nmea.read", "read_nmea"),

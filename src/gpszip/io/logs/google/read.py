@@ -226,7 +226,7 @@ class _Reader:
 
     def batches(self) -> Iterator[list[Position]]:
         """Yield the positions of the file in the order of the file."""
-        # Collect positions of one kind.
+        # Collect positions of one kind. The first one shows whether devices are named.
         is_raw = not self._paths_only and self._has_raw_positions()
         batch: list[Position] = []
         rows = 0
@@ -234,7 +234,7 @@ class _Reader:
             if (member in RAW_LISTS) != is_raw:
                 self._counts.unread += len(found)
                 continue
-            if found and self._devices is None and member in DEVICE_LISTS:
+            if found and not rows + len(batch) and member in DEVICE_LISTS:
                 self._devices = {}
             batch += found
             if len(batch) >= _BATCH_ROWS:
