@@ -219,6 +219,20 @@ GEOJSON = (
  [[[11.5, 48.1], [11.6, 48.1]], [[11.7, 48.1], [11.8, 48.1]]]}}""",
 )
 
+NMEA = (
+    "".join(
+        f"$GPRMC,2359{t}.00,A,4807.0{t},N,01131.0{t},E,022.4,084.4,23032{t % 2},,\n"
+        f"$GPGGA,2359{t}.00,4807.0{t},N,01131.0{t},E,1,08,0.9,545.4,M,46.9,M,,\n"
+        f"$GNZDA,2359{t}.00,23,03,2021,00,00\n"
+        for t in range(50, 60)
+    ),
+    "$GPRMC,102929.00,A,5327.04024,N,00214.41560,W,0.273,,070321,,,A*62\r\n"
+    "$GPVTG,,T,,M,0.273,N,0.506,K,A*26\r\n"
+    "$GPGGA,102929.00,5327.04024,N,00214.41560,W,1,08,1.16,36.3,M,48.5,M,,*7E\r\n"
+    "$GPGSV,4,4,15,25,05,223,,28,14,049,26,32,10,313,16*4C\r\n"
+    "$GPGLL,5327.04024,N,00214.41560,W,102929.00,A,A*7A\r\n",
+)
+
 ROADS_GEOJSON = (
     """{"type": "FeatureCollection", "features": [
 {"type": "Feature", "properties":
@@ -273,6 +287,40 @@ TIMES = ("time,note\n0\n10.5,a\n2024-05-04T08:00:00Z\n1714809600\n", "10\n20\n")
 
 def _texts(texts: Sequence[str]) -> Callable[[], Sequence[bytes]]:
     return lambda: [text.encode() for text in texts]
+
+
+@cache
+def _histories() -> Sequence[bytes]:
+    from datetime import UTC, datetime, timedelta
+
+    from oracle import google
+
+    start = datetime(2024, 5, 4, tzinfo=UTC)
+    rows = [(start + timedelta(minutes=i), 48 + i / 1e3, 11.5, 7 + i % 2) for i in range(6)]
+    histories = [
+        google.records(rows),
+        google.old_records(rows),
+        google.android(rows, rows),
+        google.ios(rows),
+        google.edits(rows),
+        google.months(rows),
+    ]
+    return [google.encode(history) for history in histories]
+
+
+@cache
+def _fits() -> Sequence[bytes]:
+    from oracle import fit
+
+    start = 1_700_000_000
+    records = [
+        fit.record(start + i, 48 + i / 1e4, 11, [(3, fit.UINT8, 100 + i)], [(0, i)])
+        for i in range(12)
+    ]
+    described = fit.developer_field("note")
+    ends = fit.session(start, fit.SWIMMING), fit.session(start + 6, fit.RUNNING)
+    ride = fit.fit(fit.file_id(), *described, *records, *ends)
+    return [ride, ride + fit.fit(fit.file_id(fit.COURSE), *described, *records, endian=">")]
 
 
 @cache
@@ -538,9 +586,19 @@ TARGETS = {
     "csv, stored": Target(_stored(format="csv", clean=True, sort=True), _texts(CSV)),
     "xml, stored": Target(_stored(split=True), _texts(GPX + KML + TCX)),
     "parquet, stored": Target(_stored(format="parquet"), _parquets, mutations.BINARY),
+    "google": Target(_log("google", skip_bad=True, sort=True, keep=("accuracy",)), _histories),
+    "google, stored": Target(_stored(format="google-paths", split=True), _histories),
+    "fit": Target(_log("fit", skip_bad=True, sort=True, keep=("hr",)), _fits, mutations.BINARY),
+    "nmea": Target(_log("nmea", keep=("alt", "speed"), sort=True), _texts(NMEA)),
+    "nmea, stored": Target(_stored(format="nmea", split=True), _texts(NMEA)),
     "any log": Target(
         _log(None, skip_bad=True),
-        lambda: [*_texts(CSV + GPX + KML + TCX + GEOJSON)(), *_parquets()],
+        lambda: [
+            *_texts(CSV + GPX + KML + TCX + GEOJSON + NMEA)(),
+            *_histories(),
+            *_fits(),
+            *_parquets(),
+        ],
     ),
     "roads geojson": Target(_network(".geojson"), _texts(ROADS_GEOJSON)),
     "roads graphml": Target(_network(".graphml"), _texts(ROADS_GRAPHML)),

@@ -101,6 +101,43 @@ GEOJSON = LogFormat(
     write=deferred("gpszip.io.logs.geojson.write", "write_geojson"),
 )
 
+GOOGLE = LogFormat(
+    name="google",
+    suffixes=(),
+    description="location histories: Records, Timeline of Android and iOS, by month; JSON",
+    sniff=deferred("gpszip.io.logs.google.read", "sniff_google"),
+    read=deferred("gpszip.io.logs.google.read", "read_google"),
+    read_batches=deferred("gpszip.io.logs.google.read", "read_google_batches"),
+)
+
+GOOGLE_PATHS = LogFormat(
+    name="google-paths",
+    suffixes=(),
+    description="paths of location histories that have positions, too; only with --format",
+    sniff=deferred("gpszip.io.logs.google.read", "sniff_google_paths"),
+    read=deferred("gpszip.io.logs.google.read", "read_google_paths"),
+    read_batches=deferred("gpszip.io.logs.google.read", "read_google_paths_batches"),
+)
+
+FIT = LogFormat(
+    name="fit",
+    suffixes=(".fit",),
+    description="activities and courses of watches and bicycle computers; fields with --keep",
+    sniff=deferred("gpszip.io.logs.fit.read", "sniff_fit"),
+    read=deferred("gpszip.io.logs.fit.read", "read_fit"),
+    is_binary=True,
+    extra="fit",
+)
+
+NMEA = LogFormat(
+    name="nmea",
+    suffixes=(".nmea", ".nma"),
+    description="NMEA 0183: RMC, GGA, GLL, GNS, ZDA and VTG of any receiver",
+    sniff=deferred("gpszip.io.logs.nmea.read", "sniff_nmea"),
+    read=deferred("gpszip.io.logs.nmea.read", "read_nmea"),
+    read_batches=deferred("gpszip.io.logs.nmea.read", "read_nmea_batches"),
+)
+
 CSV = LogFormat(
     name="csv",
     suffixes=(".csv", ".tsv", ".txt", ".tab"),
@@ -113,7 +150,19 @@ CSV = LogFormat(
 )
 
 #: The formats of GPSZip, in the order in which they are asked.
-LOG_FORMATS: tuple[LogFormat, ...] = (PARQUET, GPX, KML, KMZ, TCX, GEOJSON, CSV)
+LOG_FORMATS: tuple[LogFormat, ...] = (
+    PARQUET,
+    GPX,
+    KML,
+    KMZ,
+    TCX,
+    GOOGLE,
+    GOOGLE_PATHS,
+    GEOJSON,
+    FIT,
+    NMEA,
+    CSV,
+)
 
 #: Advice for files that no format reads, by their first bytes.
 _OTHER_FILES = (
@@ -142,8 +191,8 @@ def log_formats() -> tuple[LogFormat, ...]:
 
     Examples
     --------
-    >>> [log_format.name for log_format in log_formats()][-2:]
-    ['geojson', 'csv']
+    >>> log_formats()[-1].name
+    'csv'
     """
     return (*load_plugins(_PLUGIN_GROUP, LogFormat, _guarded), *LOG_FORMATS)
 
