@@ -1,5 +1,7 @@
 """Calling inner kernels, which only kernels call, from tests."""
 
+import inspect
+
 import numba
 
 from gpszip.kernels.linking import OuterCompiler
@@ -7,9 +9,8 @@ from gpszip.kernels.linking import OuterCompiler
 
 def from_python(kernel):
     """A function that Python calls for an inner kernel; kernels may call it, too."""
-
-    @numba.njit(error_model="numpy", pipeline_class=OuterCompiler)
-    def call(*arguments):
-        return kernel(*arguments)
-
-    return call
+    # Arguments have names, since the compiler takes references to tuples among these only.
+    names = ", ".join(inspect.signature(kernel.py_func).parameters)
+    scope = {"kernel": kernel}
+    exec(f"def call({names}): return kernel({names})", scope)
+    return numba.njit(error_model="numpy", pipeline_class=OuterCompiler)(scope["call"])

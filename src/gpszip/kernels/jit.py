@@ -8,7 +8,7 @@ as plain numba compiles them, which takes longer, or are not cached.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from typing import Any, NoReturn, TypeVar, cast
 
 import numba
@@ -72,7 +72,10 @@ def _compile_outer(function: F, *, nrt: bool) -> F:
         if CACHES:
             compiled._cache = KernelCache(function)
         if LINKS:
-            _take_constants_as_numbers(compiled)
+            # Kernels call it as an inner one: they take it apart from what Python calls.
+            twin: Callable[[], Any] = cache(partial(_compile_inner, function, nrt=nrt))
+            compiled.get_call_template = lambda kinds, names: twin().get_call_template(kinds, names)
+            compiled.get_overload = lambda signature: twin().get_overload(signature)
     return cast(F, compiled)
 
 

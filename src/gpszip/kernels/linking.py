@@ -14,15 +14,22 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
+from types import CodeType
 from typing import Any
 
+from numba.core.base import BaseContext
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder, Flags
+from numba.core.compiler_machinery import PassManager
 from numba.core.cpu import CPUTargetOptions
 from numba.core.dispatcher import Dispatcher
 from numba.core.environment import lookup_environment
+from numba.core.typed_passes import NopythonRewrites
+from numba.core.untyped_passes import FixupArgs, InlineClosureLikes, WithLifting
 
 from gpszip.kernels.private_names import has_names
+from gpszip.kernels.references import POINTER, TakeReferences
 
 __all__ = ["InnerCompiler", "OuterCompiler", "can_link"]
 
@@ -42,10 +49,12 @@ _PRIVATE_NAMES = {
         "finalize",
         "get_defined_functions",
     ),
+    BaseContext: ("get_abi_sizeof", "get_value_type", "target_data"),
     CompilerBase: ("compile_extra", "define_pipelines", "state"),
     Flags: ("_values", "no_compile", "nrt"),
     CPUTargetOptions: ("_nrt",),
-    Dispatcher: ("_compile_for_args", "_insert", "get_call_template"),
+    PassManager: ("add_pass_after", "finalize", "passes"),
+    Dispatcher: ("_compile_for_args", "_insert", "get_call_template", "get_overload"),
 }
 
 #: Beginning of the name of the variable that holds a kernel's environment: its constants.
@@ -55,6 +64,10 @@ _ENVIRONMENT = "_ZN08NumbaEnv"
 #: millions of objects that stay. Python's 700 take 15 % of the time.
 _GARBAGE_THRESHOLDS = (50_000, 20, 50)
 
+#: Bytes of each type of LLVM by its name. Numba asks at each use of an array, and LLVM compiles a
+#: module to answer.
+_SIZES: dict[str, int] = {}
+
 
 def can_link() -> bool:
     """Whether this numba has what the classes below change; a later version may lack it."""
@@ -63,6 +76,14 @@ def can_link() -> bool:
 
 class _Library(JITCodeLibrary):  # type: ignore[misc]
     """Code of one kernel before it is optimised, and the libraries of the kernels it calls."""
+
+    def add_ir_module(self, ir_module: Any) -> None:
+        """Add code; tell LLVM that nothing changes a tuple behind a reference."""
+        for function in ir_module.functions:
+            for argument in function.args:
+                if argument.type == POINTER:
+                    argument.add_attribute("noalias")
+        super().add_ir_module(ir_module)
 
     def add_llvm_module(self, ll_module: Any) -> None:
         """Add code as it is: it is optimised with all other code, rather than by function."""
@@ -138,7 +159,7 @@ _HASH_OF_FLAGS = hash(Flags())
 
 
 class _Compiler(CompilerBase):  # type: ignore[misc]
-    """Numba's compiler, with flags that are compared faster."""
+    """Numba's compiler, with flags that are compared faster, and sizes that are kept."""
 
     def __init__(
         self,
@@ -151,15 +172,29 @@ class _Compiler(CompilerBase):  # type: ignore[misc]
         locals: Any,
     ) -> None:
         super().__init__(typingctx, targetctx, library, args, return_type, _Flags(flags), locals)
+        # Remember the sizes of types.
+        context = self.state.targetctx
+        context.get_abi_sizeof = partial(_size_of, context.target_data)
+
+
+def _size_of(target: Any, kind: Any) -> int:
+    """Bytes of a type of LLVM."""
+    name = str(kind)
+    if name not in _SIZES:
+        _SIZES[name] = kind.get_abi_size(target)
+    return _SIZES[name]
 
 
 class OuterCompiler(_Compiler):
     """Numba's compiler for kernels that Python calls."""
 
     def define_pipelines(self) -> list[Any]:
-        """Numba's steps, with another library."""
+        """Numba's steps, with another library and references to tuples."""
         _use_library(self.state, _OuterLibrary)
-        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
+        steps = _needed_steps(self.state)
+        steps.add_pass_after(TakeReferences, FixupArgs)
+        steps.finalize()
+        return [steps]
 
     def compile_extra(self, func: Callable[..., Any]) -> Any:
         """Compile a kernel, and before that the inner kernels that it calls."""
@@ -174,7 +209,7 @@ class InnerCompiler(_Compiler):
         """Numba's steps, without the last one: no machine code."""
         _use_library(self.state, _InnerLibrary)
         self.state.flags.no_compile = True
-        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
+        return [_needed_steps(self.state)]
 
     def compile_extra(self, func: Callable[..., Any]) -> Any:
         """Compile a kernel, and let other kernels find it."""
@@ -185,6 +220,23 @@ class InnerCompiler(_Compiler):
             result.entry_point, result.fndesc, [result.library]
         )
         return result
+
+
+def _needed_steps(state: Any) -> Any:
+    """Numba's steps, without those that would find nothing to change in a kernel."""
+    # No kernel has a `with` statement; most have neither functions within nor lists of numbers.
+    needless: set[Any] = {WithLifting}
+    code = state.func_id.func.__code__
+    if "array" not in code.co_names and not any(isinstance(c, CodeType) for c in code.co_consts):
+        needless.add(InlineClosureLikes)
+
+    # Without reference counts, there are no expressions of whole arrays.
+    if not state.flags.nrt:
+        needless.add(NopythonRewrites)
+    steps = DefaultPassBuilder.define_nopython_pipeline(state)
+    steps.passes = [step for step in steps.passes if step[0] not in needless]
+    steps.finalize()
+    return steps
 
 
 def _use_library(state: Any, kind: type[_Library]) -> None:

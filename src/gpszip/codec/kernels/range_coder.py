@@ -150,7 +150,7 @@ def _carry(data: NDArray[np.uint8], end: int) -> None:
 def _narrow(coder: Coder, start: np.uint64, width: np.uint64) -> None:
     """Narrow the range to ``width`` from ``start`` on, and move the bytes that are certain."""
     # A listener neither writes nor reads; it only trains a model.
-    words, cursor, data = coder
+    words, cursor, data = coder.words, coder.cursor, coder.data
     if cursor[DIRECTION] == _LISTENS:
         return
 
@@ -215,7 +215,7 @@ def count_bits(coder: Coder) -> float:
 @jit_uncounted
 def _flush(coder: Coder) -> int:
     """Write the last bytes; return the number of bytes, which may be more than the buffer holds."""
-    words, cursor, data = coder
+    words, cursor, data = coder.words, coder.cursor, coder.data
     low, width = words[_LOW], words[_RANGE]
 
     # Find the number in [low, low + range) that ends in the most zero bytes.

@@ -28,7 +28,6 @@ from gpszip.codec.kernels.duration_coder import (
     code_pause_duration,
 )
 from gpszip.codec.kernels.new_edge_coder import code_known_node
-from gpszip.codec.kernels.no_refcount import without_refcount
 from gpszip.codec.kernels.position_coder import ON_GRID_AXES, ON_HEADING, code_position
 from gpszip.codec.kernels.range_coder import (
     Coder,
@@ -443,7 +442,6 @@ def code_walks(
         Number of nodes, or -1 if what was read is no walk.
     """
     # Start after the last track that the model has seen; sorted starts precede all knots.
-    coder, model = without_refcount(coder), without_refcount(model)
     knots = len(nodes)
     is_step = _find_steps(gaps, begins)
     tracks_left = tracks
