@@ -64,6 +64,10 @@ def read(
     heading: bool = False,
     skip_bad: bool = False,
     times: bool = True,
+    topics: str | Sequence[str] = (),
+    frame: str | None = None,
+    times_file: str | os.PathLike[str] | None = None,
+    rate: float | None = None,
 ) -> ReadResult:
     r"""Read tracks from logs.
 
@@ -76,7 +80,7 @@ def read(
         Files, patterns (``walks/*.gpx``), folders of Parquet, zip archives of files, ``-`` for
         standard input.
     format : str, optional
-        ``csv``, ``parquet``, ``gpx`` or ``geojson``; found by the content where left out.
+        A name that ``gpszip formats`` lists, such as ``csv``; found by the content where left out.
     columns : str, sequence of str, or mapping of str to str, optional
         ``t,x,y`` names the columns by position, ``t=when,x=east,y=north`` by name.
     time_unit : str, optional
@@ -99,6 +103,15 @@ def read(
         raising.
     times : bool, default True
         Whether a table needs a column of times. If not, the tracks of one without are shapes.
+    topics : str or sequence of str, optional
+        Topics of ROS logs to read, each as a track. A log with one topic of positions needs none.
+    frame : str, optional
+        Frames of ROS logs, ``map:base_link``: the positions of the second in the first, composed
+        of transforms.
+    times_file : path, optional
+        File with a time in each line, for KITTI's poses, which have none.
+    rate : float, optional
+        Poses in a second, for KITTI's poses.
 
     Returns
     -------
@@ -149,6 +162,10 @@ def read(
         heading=heading,
         skip_bad=skip_bad,
         times=times,
+        topics=topics,
+        frame=frame,
+        times_file=None if times_file is None else os.fspath(times_file),
+        rate=rate,
     )
     _warn_of_losses(result)
     return result

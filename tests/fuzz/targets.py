@@ -176,6 +176,23 @@ GEOJSON = (
  [[[11.5, 48.1], [11.6, 48.1]], [[11.7, 48.1], [11.8, 48.1]]]}}""",
 )
 
+TUM = (
+    "# timestamp tx ty tz qx qy qz qw\n"
+    + "".join(f"{t / 10} {3 * t} {t % 7}.5 0 0 0 0.6 0.8\n" for t in range(12)),
+    "".join(
+        f"{t}000000000,{3 * t},{t % 7}.5,0,0,0,0,1\n" for t in range(1_400_000_000, 1_400_000_009)
+    ),
+)
+
+EUROC = (
+    "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],"
+    "q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []\n"
+    + "".join(f"14036365{t}0000000000,{3 * t},{t % 7}.5,0,1,0,0,0\n" for t in range(10, 22)),
+    "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m]\n0,1,2,3\n50000000,1,2,4\n",
+)
+
+KITTI = ("".join(f"1 0 0 {3 * t} 0 1 0 {t % 7}.5 0 0 1 0\n" for t in range(12)),)
+
 ROADS_GEOJSON = (
     """{"type": "FeatureCollection", "features": [
 {"type": "Feature", "properties":
@@ -490,10 +507,17 @@ TARGETS = {
     "geojson": Target(_log("geojson", sort=True), _texts(GEOJSON)),
     "parquet": Target(_log("parquet"), _parquets, mutations.BINARY),
     "parquet, table": Target(_log("parquet"), _parquets, mutations.BINARY, _apply_to_table),
+    "tum": Target(_log("tum", heading=True, keep=("qw",), sort=True), _texts(TUM)),
+    "euroc": Target(_log("euroc", heading=True, keep=("p_RS_R_x",), sort=True), _texts(EUROC)),
+    "kitti": Target(_log("kitti", heading=True, rate=10.0), _texts(KITTI)),
+    "tum, stored": Target(_stored(format="tum", sort=True), _texts(TUM)),
+    "euroc, stored": Target(_stored(format="euroc", sort=True), _texts(EUROC)),
+    "kitti, stored": Target(_stored(format="kitti", rate=10.0), _texts(KITTI)),
     "csv, stored": Target(_stored(format="csv", clean=True, sort=True), _texts(CSV)),
     "parquet, stored": Target(_stored(format="parquet"), _parquets, mutations.BINARY),
     "any log": Target(
-        _log(None, skip_bad=True), lambda: [*_texts(CSV + GPX + GEOJSON)(), *_parquets()]
+        _log(None, skip_bad=True),
+        lambda: [*_texts(CSV + GPX + GEOJSON + TUM + EUROC)(), *_parquets()],
     ),
     "roads geojson": Target(_network(".geojson"), _texts(ROADS_GEOJSON)),
     "roads graphml": Target(_network(".graphml"), _texts(ROADS_GRAPHML)),

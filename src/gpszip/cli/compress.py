@@ -21,6 +21,7 @@ from gpszip.cli.options import (
     output_name,
     output_option,
     quiet,
+    robot_options,
     time_options,
     time_order_options,
 )
@@ -132,9 +133,11 @@ _BOUND_OPTIONS = {
     help="Number of segments that the k parts share; by default searched.",
 )
 @click.option(
-    "--times/--no-times",
-    default=True,
-    help="Keep the times, or the shapes only; a table then needs no column of times.",
+    "--no-times",
+    "times",
+    is_flag=True,
+    callback=lambda _context, _option, is_given: not is_given,
+    help="Keep the shapes only, without times; a table then needs no column of times.",
 )
 @click.option(
     "--layer", type=click.Choice(["bz2"]), help="Pack the archive once more, as the thesis did."
@@ -156,6 +159,7 @@ _BOUND_OPTIONS = {
     help="Which column is what: t=when,x=east,y=north; or names in order, without a header.",
 )
 @time_options
+@robot_options
 @click.option(
     "--keep",
     metavar="COLUMNS",
@@ -296,6 +300,8 @@ def _open_log(
         skip_bad=choices["skip_bad"],
         keep=_kept_columns(choices),
         times=choices["times"],
+        times_file=choices["times_file"],
+        rate=choices["rate"],
     )
 
 

@@ -19,6 +19,7 @@ from gpszip.cli.options import (
     output_name,
     output_option,
     quiet,
+    robot_options,
     skip_bad_logs,
     time_options,
 )
@@ -82,6 +83,7 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
     "--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north,heading=course."
 )
 @time_options
+@robot_options
 @quiet
 @force
 @common_options
@@ -104,6 +106,7 @@ def command(
     dates: str | None,
     quiet: bool,
     force: bool,
+    **robot: Any,
 ) -> Outcome:
     """Find the roads that every LOG took, and write its routes.
 
@@ -131,6 +134,7 @@ def command(
             columns=columns,
             time_unit=time_unit,
             dates=dates,
+            **robot,
             # Headings that are ignored need no column.
             heading=heading != math.inf,
             skip_bad=skip_bad,

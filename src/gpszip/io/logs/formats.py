@@ -69,6 +69,36 @@ GEOJSON = LogFormat(
     write=deferred("gpszip.io.logs.geojson.write", "write_geojson"),
 )
 
+TUM = LogFormat(
+    name="tum",
+    suffixes=(".tum",),
+    description="time, x, y, z and a quaternion in each line",
+    sniff=deferred("gpszip.io.logs.trajectories.layouts", "sniff_tum"),
+    read=deferred("gpszip.io.logs.trajectories.read", "read_tum"),
+    read_batches=deferred("gpszip.io.logs.trajectories.read", "read_tum_batches"),
+    write=deferred("gpszip.io.logs.trajectories.write", "write_tum"),
+    describe_losses=deferred("gpszip.io.logs.trajectories.write", "describe_tum_losses"),
+)
+
+EUROC = LogFormat(
+    name="euroc",
+    suffixes=(),
+    description="EuRoC's data.csv of positions, or the folder of a sequence",
+    sniff=deferred("gpszip.io.logs.trajectories.layouts", "sniff_euroc"),
+    read=deferred("gpszip.io.logs.trajectories.read", "read_euroc"),
+    read_batches=deferred("gpszip.io.logs.trajectories.read", "read_euroc_batches"),
+)
+
+KITTI = LogFormat(
+    name="kitti",
+    suffixes=(),
+    description="12 numbers of a matrix in each line; --times FILE or --rate 10",
+    sniff=deferred("gpszip.io.logs.trajectories.layouts", "sniff_kitti"),
+    read=deferred("gpszip.io.logs.trajectories.read", "read_kitti"),
+    read_batches=deferred("gpszip.io.logs.trajectories.read", "read_kitti_batches"),
+    takes=("times_file", "rate"),
+)
+
 CSV = LogFormat(
     name="csv",
     suffixes=(".csv", ".tsv", ".txt", ".tab"),
@@ -81,7 +111,15 @@ CSV = LogFormat(
 )
 
 #: The formats of GPSZip, in the order in which they are asked.
-LOG_FORMATS: tuple[LogFormat, ...] = (PARQUET, GPX, GEOJSON, CSV)
+LOG_FORMATS: tuple[LogFormat, ...] = (
+    PARQUET,
+    GPX,
+    GEOJSON,
+    EUROC,
+    TUM,
+    KITTI,
+    CSV,
+)
 
 #: Advice for files that no format reads, by their first bytes.
 _OTHER_FILES = (
@@ -115,7 +153,7 @@ def log_formats() -> tuple[LogFormat, ...]:
     Examples
     --------
     >>> [log_format.name for log_format in log_formats()][-4:]
-    ['parquet', 'gpx', 'geojson', 'csv']
+    ['euroc', 'tum', 'kitti', 'csv']
     """
     return (*load_plugins(_PLUGIN_GROUP, LogFormat, _guarded), *LOG_FORMATS)
 
