@@ -1,6 +1,9 @@
 """Logs of robots on the command line."""
 
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -89,3 +92,67 @@ def test_options_of_other_formats_are_refused_by_every_command(gpszip, tum_log, 
     done = gpszip(command, tum_log, "-o", "out.csv", "--rate", "10", *more)
     assert done.code != 0
     assert "loop.tum: --rate is not for tum" in done.err
+
+
+@pytest.fixture
+def bag(tmp_path):
+    """A folder of ROS 2 with two topics of poses and a tree of frames."""
+    from ros_bags import START, write_bag
+
+    def make(m):
+        for t, p in zip(*loop(), strict=True):
+            ns = START + round(t * 1e9)
+            yield "/odom", ns, m.odometry(ns, p)
+            yield "/pose", ns, m.pose_stamped(ns, p)
+            yield "/tf", ns, m.transforms(m.transform(ns, p))
+
+    return write_bag(tmp_path / "run", "mcap", make)
+
+
+def test_a_bag_is_compressed_and_shown(gpszip, bag):
+    fast = ("--rmse", "10cm", "--effort", "1", "--json")
+    done = gpszip("compress", bag, *fast)
+    assert done.code == 1
+    assert "2 topics hold poses: /odom (nav_msgs/Odometry, 400 messages)" in done.err
+    assert "--topic /odom" in done.err
+    done = gpszip("compress", bag, "--topic", "/odom", *fast)
+    assert done.code == 0, done.err
+    assert json.loads(done.out)["points"] == 400
+    for choice in (("--topic", "/odom"), ("--frame", "map:odom")):
+        done = gpszip("view", f"{bag}.gpsz", "--raw", bag, *choice, "--force", "--json")
+        assert done.code == 0, done.err
+
+
+def test_frames_and_topics_are_the_same_larger_than_memory(gpszip, bag):
+    fast = ("--rmse", "10cm", "--effort", "1", "--quiet")
+    whole = gpszip("compress", bag, "--frame", "map:odom", "-o", "a.gpsz", *fast)
+    small = gpszip("compress", bag, "--topic", "/pose", "-o", "b.gpsz", "--memory", "1GiB", *fast)
+    assert (whole.code, small.code) == (0, 0), whole.err + small.err
+    first, second = ((bag.parent / f"{name}.gpsz").read_bytes() for name in "ab")
+    assert first == second
+
+
+def test_other_formats_refuse_topics_and_frames(gpszip, tum_log):
+    done = gpszip("compress", tum_log, "--topic", "/odom")
+    assert "--topic is not for tum; leave it out; it is for ros" in done.err
+    assert done.code != 0
+
+
+def test_the_extra_is_named_where_it_is_missing(tmp_path, bag):
+    # A module of this name that can't be imported stands for one that isn't installed.
+    hidden = tmp_path / "hidden"
+    for name in ("rosbags", "mcap"):
+        (hidden / name).mkdir(parents=True)
+        (hidden / name / "__init__.py").write_text("raise ModuleNotFoundError('no module')\n")
+    path = os.pathsep.join([str(hidden), os.environ.get("PYTHONPATH", "")])
+    for file in (bag, next(bag.glob("*.mcap"))):
+        done = subprocess.run(
+            [sys.executable, "-m", "gpszip", "compress", str(file), "-o", "a.gpsz"],
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": path},
+        )
+        assert done.returncode != 0
+        assert "needs the extra 'ros': pip install 'gpszip[ros]'" in done.stderr

@@ -300,6 +300,8 @@ def _open_log(
         skip_bad=choices["skip_bad"],
         keep=_kept_columns(choices),
         times=choices["times"],
+        topics=choices["topics"],
+        frame=choices["frame"],
         times_file=choices["times_file"],
         rate=choices["rate"],
     )

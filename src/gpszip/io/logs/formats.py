@@ -99,6 +99,18 @@ KITTI = LogFormat(
     takes=("times_file", "rate"),
 )
 
+ROS = LogFormat(
+    name="ros",
+    suffixes=(".bag", ".mcap", ".db3"),
+    description="positions of a topic (--topic) or a frame (--frame); folders of ROS 2, too",
+    sniff=deferred("gpszip.io.logs.ros.read", "sniff_ros"),
+    read=deferred("gpszip.io.logs.ros.read", "read_ros"),
+    read_batches=deferred("gpszip.io.logs.ros.read", "read_ros_batches"),
+    is_binary=True,
+    extra="ros",
+    takes=("topics", "frame"),
+)
+
 CSV = LogFormat(
     name="csv",
     suffixes=(".csv", ".tsv", ".txt", ".tab"),
@@ -115,6 +127,7 @@ LOG_FORMATS: tuple[LogFormat, ...] = (
     PARQUET,
     GPX,
     GEOJSON,
+    ROS,
     EUROC,
     TUM,
     KITTI,

@@ -90,8 +90,6 @@ def parse_options(options: ReadOptions) -> tuple[Request, CleaningOptions]:
 
 def _check_robot_options(request: Request) -> None:
     """Refuse options for robots' logs that exclude each other, or that say nothing."""
-    if request.topics and request.frame is not None:
-        raise OptionError("--topic and --frame were both given", remedy="give one")
     if request.times_file is not None and request.rate is not None:
         raise OptionError("--times and --rate were both given", remedy="give one")
     if request.rate is not None and not 0 < request.rate < math.inf:

@@ -334,7 +334,6 @@ def test_files_of_times_are_checked(tmp_path, data, reason):
         ({"rate": -1.0}, "a rate is above 0"),
         ({"rate": float("inf")}, "a rate is above 0"),
         ({"rate": 1.0, "times_file": "t.txt"}, "--times and --rate were both given"),
-        ({"topics": ["/a"], "frame": "a:b"}, "--topic and --frame were both given"),
     ],
 )
 def test_options_that_say_nothing_are_refused(options, message):
