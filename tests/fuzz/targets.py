@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -284,6 +285,30 @@ def _parquet(pq: object, table: object, compression: str) -> bytes:
 
 
 @cache
+def _bags() -> Sequence[bytes]:
+    """Bags of ROS 1 and ROS 2, and an MCAP file; the start of a bag without the extra ros."""
+    if not find_spec("rosbags"):
+        return [b"#ROSBAG V2.0\n"]
+    from ros_bags import START, write_bag
+
+    def messages(m: Any) -> Any:
+        yield "/tf_static", START, m.transforms(m.transform(0, (1, 2, 3), child="gps"))
+        for i in range(20):
+            ns, p = START + i * 10**8, (i, i % 7, 0)
+            moved = m.transform(ns, p, frame="gps", child="robot")
+            yield "/tf", ns, m.transforms(moved, m.transform(ns, p))
+            yield "/odom", ns, m.odometry(ns, p)
+
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+        paths = [write_bag(Path(folder) / kind, kind, messages) for kind in ("sqlite", "mcap")]
+        files = [
+            next(path.glob(f"*.{end}")) for path, end in zip(paths, ("db3", "mcap"), strict=True)
+        ]
+        files.append(write_bag(Path(folder) / "log", "bag", messages))
+        return [file.read_bytes() for file in files]
+
+
+@cache
 def _coresets() -> Sequence[bytes]:
     from gpszip import Track, coreset
     from gpszip.io.coresets import write_coreset
@@ -510,6 +535,8 @@ TARGETS = {
     "tum": Target(_log("tum", heading=True, keep=("qw",), sort=True), _texts(TUM)),
     "euroc": Target(_log("euroc", heading=True, keep=("p_RS_R_x",), sort=True), _texts(EUROC)),
     "kitti": Target(_log("kitti", heading=True, rate=10.0), _texts(KITTI)),
+    "ros topic": Target(_log("ros", topics="/odom", heading=True), _bags, mutations.BINARY),
+    "ros frame": Target(_log("ros", frame="map:robot", keep=("qw",)), _bags, mutations.BINARY),
     "tum, stored": Target(_stored(format="tum", sort=True), _texts(TUM)),
     "euroc, stored": Target(_stored(format="euroc", sort=True), _texts(EUROC)),
     "kitti, stored": Target(_stored(format="kitti", rate=10.0), _texts(KITTI)),

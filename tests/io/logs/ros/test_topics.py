@@ -318,6 +318,18 @@ def test_truncated_files_are_refused_with_a_remedy(tmp_path, kind, share):
             assert (kind, share, result.kept) == ("sqlite", 0.999, 200)
 
 
+def test_a_bag_that_was_never_closed_is_refused_with_a_remedy(tmp_path):
+    path = write_bag(tmp_path / "log", "bag", of_loop(POSES["Odometry"]))
+    data = bytearray(path.read_bytes())
+    # The place of the index is 0 until the writer closes the bag.
+    at = data.index(b"index_pos=") + len(b"index_pos=")
+    data[at : at + 8] = bytes(8)
+    path.write_bytes(data)
+    with pytest.raises(InputError, match="not indexed") as caught:
+        read_logs(str(path))
+    assert "rosbag reindex" in caught.value.remedy
+
+
 @bags
 def test_messages_that_cannot_be_decoded_are_counted(tmp_path, kind):
     path = write_bag(tmp_path / "log", kind, of_loop(POSES["Odometry"]))

@@ -215,6 +215,13 @@ def test_a_line_without_end_takes_bounded_memory(monkeypatch):
         read(b"1 " * 5000, format="tum")
 
 
+def test_quaternions_that_are_none_have_no_heading():
+    rows = ["0 0 0 0 0 0 0 1", "1 1 0 0 0 0 0 0", "2 2 0 0 1e200 1 1 1", "3 3 0 0 nan 0 0 1"]
+    (track,) = read("\n".join(rows), format="tum", heading=True)
+    assert track.attributes["heading"][0] == 90
+    assert np.isnan(track.attributes["heading"][1:]).all()
+
+
 # EuRoC
 
 

@@ -34,6 +34,9 @@ _BATCH_ROWS = 1 << 17
 #: Numbers of a transform in a buffer: time, position, orientation.
 _WIDTH = 8
 
+#: Numbers beyond this are damage: their squares are infinite.
+_LARGEST = 1e100
+
 #: Nanoseconds in a second.
 _SECOND = 1_000_000_000
 
@@ -187,8 +190,11 @@ class FrameReader:
         """Return the transforms of a link in the order of time."""
         # Leave out what is no transform.
         table = np.frombuffer(moves.numbers, float).reshape(-1, _WIDTH)
-        lengths = np.sqrt((table[:, 4:] ** 2).sum(axis=1))
-        good = np.isfinite(table).all(axis=1) & (lengths > 0)
+        # NaN compares as false.
+        good = (np.abs(table) < _LARGEST).all(axis=1)
+        lengths = np.zeros(len(table))
+        lengths[good] = np.sqrt((table[good, 4:] ** 2).sum(axis=1))
+        good &= lengths > 0
         self._counts["transforms that are not numbers left out"] += int((~good).sum())
         table, lengths, static = table[good], lengths[good], np.array(moves.static)[good]
         if not len(table):

@@ -29,6 +29,9 @@ __all__ = ["read_ros", "read_ros_batches", "sniff_ros"]
 #: What the metadata of a folder begins with.
 _METADATA_KEY = b"rosbag2_bagfile_information:"
 
+#: Bytes within which it does.
+_METADATA_START = 1 << 12
+
 #: What the first page of a database says if ROS 2 wrote it.
 _TABLES = (b"CREATE TABLE topics", b"CREATE TABLE messages", b"serialization_format")
 
@@ -39,7 +42,7 @@ def sniff_ros(head: bytes) -> bool:
         return True
     if head.startswith(SQLITE_MAGIC):
         return all(text in head for text in _TABLES)
-    return head.lstrip().startswith(_METADATA_KEY)
+    return head[:_METADATA_START].lstrip().startswith(_METADATA_KEY)
 
 
 def read_ros(source: Source, request: Request) -> RawLog:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["forward_of_quaternions", "heading_of_vectors"]
+__all__ = ["forward_of_quaternions", "heading_of_vectors", "unit_vectors"]
 
 #: Least part of a forward vector of length 1 that lies in the plane. A vector that is steeper, up
 #: to 6 degrees from the vertical, has no heading.
@@ -39,12 +39,26 @@ def forward_of_quaternions(x: Floats, y: Floats, z: Floats, w: Floats) -> Floats
     >>> forward_of_quaternions(none, none, half, half).round(9).tolist()
     [[0.0, 1.0, 0.0]]
     """
-    forward = np.stack(
-        [w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1
-    )
-    length = np.sqrt((forward**2).sum(axis=1))
-    length[~(length > 0)] = np.nan
-    unit: Floats = forward / length[:, None]
+    # Numbers of damaged logs may overflow, and have no direction.
+    with np.errstate(over="ignore", invalid="ignore"):
+        forward = np.stack(
+            [w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1
+        )
+    return unit_vectors(forward)
+
+
+def unit_vectors(vectors: Floats) -> Floats:
+    """Return vectors with length 1; NaN for those that are zero or not finite.
+
+    Examples
+    --------
+    >>> unit_vectors(np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 0.0]])).tolist()
+    [[0.6, 0.8, 0.0], [nan, nan, nan]]
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.sqrt((vectors**2).sum(axis=1))
+        length[~((length > 0) & np.isfinite(length))] = np.nan
+        unit: Floats = vectors / length[:, None]
     return unit
 
 

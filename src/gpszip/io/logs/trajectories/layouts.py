@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
-from gpszip.io.logs.trajectories.headings import forward_of_quaternions
+from gpszip.io.logs.trajectories.headings import forward_of_quaternions, unit_vectors
 from gpszip.io.logs.trajectories.number_lines import clean_lines
 from gpszip.io.tables.roles import find_roles
 
@@ -22,6 +22,9 @@ __all__ = ["KITTI", "TUM", "Layout", "euroc_layout", "sniff_euroc", "sniff_kitti
 
 #: Lines that a format is recognised from.
 _SAMPLE_LINES = 50
+
+#: Bytes among which these lines are: 50 lines of KITTI have 8 kB.
+_SAMPLE_BYTES = 1 << 14
 
 #: Least share of these lines that are poses: some files have damaged lines.
 _MIN_POSES = 0.8
@@ -66,11 +69,7 @@ class Layout:
         # A quaternion has four numbers, a vector three.
         if len(cells) == 4:
             return forward_of_quaternions(*cells)
-        vectors = np.stack(cells, axis=1)
-        length = np.sqrt((vectors**2).sum(axis=1))
-        length[~(length > 0)] = np.nan
-        unit: Floats = vectors / length[:, None]
-        return unit
+        return unit_vectors(np.stack(cells, axis=1))
 
 
 #: Times in seconds, positions, quaternions.
@@ -100,7 +99,8 @@ def euroc_layout(head: bytes) -> Layout | None:
     (('timestamp [ns]', 'p_RS_R_x', 'p_RS_R_y', 'p_RS_R_z'), ())
     """
     # The header is a comment with commas.
-    line = head.removeprefix(b"\xef\xbb\xbf").lstrip().split(b"\n", 1)[0].decode("latin-1")
+    start = head[:_SAMPLE_BYTES].removeprefix(b"\xef\xbb\xbf").lstrip()
+    line = start.split(b"\n", 1)[0].decode("latin-1")
     names = [_BRACKETS.sub("", name.strip()) for name in line.lstrip("#").strip().split(",")]
     if not line.startswith("#") or names[0].lower() != "timestamp":
         return None
@@ -175,17 +175,22 @@ def _first_rows(head: bytes, width: int) -> Floats | None:
     None if the first line has none, so that it may be a header.
     """
     # Text of two bytes a letter and binary files have zeros, which no line of numbers has.
-    if b"\0" in head:
+    start = head[:_SAMPLE_BYTES]
+    if b"\0" in start:
         return None
+
+    # Most files are of other formats, as their first line shows.
+    lines = start.splitlines()
+    first = next(filter(None, map(clean_lines, lines)), b"")
+    if not np.isfinite(_numbers(first.split(b" "), width)).all():
+        return None
+
     # The last line may be cut off.
-    lines = clean_lines(head).split(b"\n")
-    if len(lines) > 1:
-        lines = lines[:-1]
-    cells = [line.split(b" ") for line in lines if line][:_SAMPLE_LINES]
-    if not cells:
-        return None
-    rows = np.array([_numbers(line, width) for line in cells])
-    return rows if np.isfinite(rows[0]).all() else None
+    is_whole = len(head) <= _SAMPLE_BYTES or start.endswith((b"\n", b"\r"))
+    cleaned = clean_lines(b"\n".join(lines if is_whole else lines[:-1])).split(b"\n")
+    cells = [line.split(b" ") for line in cleaned if line][:_SAMPLE_LINES]
+    # A long comment may be followed by one line that is cut off.
+    return np.array([_numbers(line, width) for line in cells]) if cells else None
 
 
 def _numbers(cells: Sequence[bytes], width: int) -> list[float]:
@@ -208,7 +213,7 @@ def _names_other_columns(head: bytes) -> bool:
     """
     # The last comment before the first line.
     comments: list[str] = []
-    for line in head.removeprefix(b"\xef\xbb\xbf").splitlines():
+    for line in head[:_SAMPLE_BYTES].removeprefix(b"\xef\xbb\xbf").splitlines():
         text = line.decode("latin-1").strip()
         if text and not text.startswith("#"):
             break
