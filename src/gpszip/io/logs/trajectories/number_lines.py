@@ -116,8 +116,15 @@ def clean_lines(block: bytes) -> bytes:
     """
     text = block.removeprefix(_UTF8_MARK).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     text = text.translate(_SEPARATORS)
-    text = _COMMENT.sub(b"", text)
-    return _REPEATED_BLANKS.sub(b" ", _END_BLANKS.sub(b"", text))
+
+    # Most blocks need none of these, each of which takes as long as reading the numbers does.
+    if b"#" in text or b"%" in text:
+        text = _COMMENT.sub(b"", text)
+    if b" \n" in text or b"\n " in text or text[:1] == b" " or text[-1:] == b" ":
+        text = _END_BLANKS.sub(b"", text)
+    if b"  " in text:
+        text = _REPEATED_BLANKS.sub(b" ", text)
+    return text
 
 
 def parse_lines(
