@@ -383,7 +383,16 @@ def test_mcap_of_json_is_read(tmp_path, finished):
 
 @pytest.mark.parametrize(
     "message",
-    [{}, [], 3, None, {"latitude": "x", "longitude": 1}, {"latitude": 1, "timestamp": [1]}],
+    [
+        {},
+        [],
+        3,
+        None,
+        {"latitude": "x", "longitude": 1},
+        {"latitude": 1, "timestamp": [1]},
+        {"latitude": 1, "longitude": 1, "timestamp": {"sec": 10**400}},
+        {"latitude": 10**400, "longitude": 1},
+    ],
 )
 def test_json_that_is_no_position_is_counted(tmp_path, message):
     rows = [*json_rows(), ("/fix", "foxglove.LocationFix", START + 10**12, message)]

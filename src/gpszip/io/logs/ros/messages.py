@@ -198,4 +198,8 @@ def _quaternion(turn: Any) -> tuple[float, float, float, float]:
 def _json_stamp(message: Any) -> int:
     stamp = message.get("timestamp") or {}
     seconds, nanoseconds = stamp.get("sec", 0), stamp.get("nsec", stamp.get("nanosec", 0))
-    return int(seconds) * 1_000_000_000 + int(nanoseconds)
+    total = int(seconds) * 1_000_000_000 + int(nanoseconds)
+    # Stamps have 64 bits; JSON may hold any number.
+    if abs(total) >= 1 << 63:
+        raise ValueError("a stamp out of range")
+    return total
