@@ -75,7 +75,10 @@ def test_pieces_of_one_track_follow_each_other():
             [Track("a", [0, 1], [[0, 0], [1, 1]], plane=Plane(((480_000_000, 110_000_000),)))],
             "tum holds metres",
         ),
-        ([Track("a", [0, 1], [[0, 0], [1, 1]], timed=False)], "tum needs times"),
+        (
+            [Track("a", [0, 1], [[0, 0], [1, 1]], timed=False)],
+            "tum holds times, and the track is a shape",
+        ),
     ],
 )
 def test_what_tum_cannot_hold_is_refused(tracks, reason):

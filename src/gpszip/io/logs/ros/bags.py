@@ -164,6 +164,7 @@ def kind_of(source: Source) -> str:
 @contextmanager
 def _as_file(source: Source, kind: str) -> Iterator[Path]:
     """Find the file or folder of a bag; copy a stream or a packed file to a temporary one."""
+    # Files and folders that libraries read in place.
     if source.path is not None and kind == "folder":
         yield source.path.parent
         return

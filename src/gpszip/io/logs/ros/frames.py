@@ -135,6 +135,8 @@ class FrameReader:
             )
 
     def _find_chain(self, bag: Bag) -> list[Link]:
+        """Return the way between the two frames."""
+        # The tree, and the topics of each transform that is not static.
         parents: dict[str, set[str]] = {}
         topics: dict[tuple[str, str], set[str]] = {}
         for topic, _, move in self._transforms(bag, counted=True):
@@ -225,6 +227,7 @@ class FrameReader:
 
     def _times(self, chain: Sequence[Link], transforms: dict[Link, LinkTransforms]) -> Floats:
         """Return the stamps at which the chain is known: those of its busiest link."""
+        # Something has to move.
         moving = [link for link in chain if not transforms[link].is_static]
         start, end = self.frames
         if not moving:
@@ -234,9 +237,11 @@ class FrameReader:
                 remedy="name a frame of the robot and one of the map",
             )
 
-        # Nothing is extrapolated.
+        # The busiest link; of equals, the one next to the robot.
         busiest = max(reversed(moving), key=lambda link: len(transforms[link].times))
         times = transforms[busiest].times
+
+        # Nothing is extrapolated.
         first = max(transforms[link].times[0] for link in moving)
         last = min(transforms[link].times[-1] for link in moving)
         within = (times >= first) & (times <= last)
@@ -256,10 +261,14 @@ class FrameReader:
     def _to_log(
         self, times: Floats, positions: Floats, turns: Floats, row: int, *, is_last: bool
     ) -> RawLog:
+        """Return poses as a log."""
+        # Attributes and headings come from the orientation.
         columns = dict(zip(ATTRIBUTES, turns.T, strict=True))
         attributes = {name: columns[own].copy() for name, own in self.kept.items()}
         if self.request.heading:
             attributes["heading"] = heading_of_vectors(*forward_of_quaternions(*turns.T).T)
+
+        # What was repaired comes with the last poses.
         return RawLog(
             name=self.name,
             ids=(),

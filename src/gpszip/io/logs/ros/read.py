@@ -107,6 +107,7 @@ def _read(source: Source, request: Request) -> Iterator[RawLog]:
 
 def _join(logs: Sequence[RawLog]) -> RawLog:
     """Join the batches of a log."""
+    # Without a pose, what was dropped says why.
     if not logs or not any(len(log.times) for log in logs):
         name = logs[0].name if logs else ""
         counts = [f"{item.count:,} {item.what}" for log in logs for item in log.repairs]
@@ -114,6 +115,8 @@ def _join(logs: Sequence[RawLog]) -> RawLog:
         raise InputError(
             f"holds no pose{why}", path=name, remedy="choose another --topic, or another bag"
         )
+
+    # The last batch has the names of all tracks.
     last = logs[-1]
     codes = [log.codes for log in logs if log.codes is not None]
     return replace(

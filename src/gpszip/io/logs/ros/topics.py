@@ -70,6 +70,7 @@ def choose_topics(bag: Bag, request: Request, where: str) -> list[Topic]:
         If a topic doesn't exist or holds no poses, none or several are candidates, or some hold
         degrees and some metres.
     """
+    # Those that the user names, or the only one.
     with_poses = [topic for topic in bag.topics if topic.type in POSE_TYPES]
     if request.topics:
         chosen = [_find_topic(bag, name, where) for name in dict.fromkeys(request.topics)]
@@ -109,6 +110,7 @@ def describe_topics(topics: Sequence[Topic]) -> str:
 
 def _find_topic(bag: Bag, name: str, where: str) -> Topic:
     """Return the topic of a name that holds poses."""
+    # Find it.
     named = [topic for topic in bag.topics if topic.name.lstrip("/") == name.lstrip("/")]
     with_poses = [topic for topic in named if topic.type in POSE_TYPES]
     if len(with_poses) == 1 and with_poses[0].messages:
@@ -133,6 +135,7 @@ def _find_topic(bag: Bag, name: str, where: str) -> Topic:
 
 def _choice_error(bag: Bag, found: Sequence[Topic], where: str) -> InputError:
     """Return the error if it isn't clear which topic is meant."""
+    # Several topics, which are listed.
     has_transforms = any(topic.type == TRANSFORMS and topic.messages for topic in bag.topics)
     frames = "; or two frames of its transforms: --frame map:base_link" if has_transforms else ""
     if found:
@@ -141,6 +144,8 @@ def _choice_error(bag: Bag, found: Sequence[Topic], where: str) -> InputError:
             path=where,
             remedy=f"choose one: --topic {found[0].name}; each --topic is a track{frames}",
         )
+
+    # None, but transforms; or neither.
     if has_transforms:
         return InputError(
             "no topic holds poses, but there are transforms",
@@ -310,6 +315,7 @@ class TopicReader:
 
     def _to_log(self, batch: _Batch, row: int) -> RawLog:
         """Return poses as a log."""
+        # Buffers as arrays; an empty one has no memory to share.
         numbers = np.frombuffer(batch.numbers, float) if len(batch) else np.zeros(0)
         table = numbers.reshape(-1, _WIDTH)
         codes = np.frombuffer(batch.codes, np.intc) if len(batch) else np.zeros(0, np.intc)
@@ -320,6 +326,8 @@ class TopicReader:
         if self._is_unnamed and len(self._agents) > 1:
             raise self._late_agent_error()
         self._name_agents()
+
+        # Copies, as the buffers of attributes would stay in memory with their neighbours.
         return RawLog(
             name=self.name,
             ids=() if self._is_unnamed else tuple(self._names),

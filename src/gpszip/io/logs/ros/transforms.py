@@ -91,6 +91,7 @@ def find_chain(
     >>> [(link.parent, link.child) for link in chain]
     [('map', 'odom'), ('odom', 'base')]
     """
+    # Both frames have to exist.
     known = dict.fromkeys([*(p for some in parents.values() for p in some), *parents])
     for frame in (start, end):
         if frame not in known:
@@ -98,7 +99,7 @@ def find_chain(
                 f"has no frame {frame!r}", path=where, remedy=f"its frames: {_listed(known)}"
             )
 
-    # Both ways to the root; what they share is left out.
+    # Both ways to the root.
     up = _ancestors(parents, start, where)
     down = _ancestors(parents, end, where)
     if up[-1] != down[-1]:
@@ -108,6 +109,8 @@ def find_chain(
             path=where,
             remedy=f"name frames of one tree, of {_listed(known)}",
         )
+
+    # What they share is left out, down to the common ancestor.
     while len(up) > 1 and len(down) > 1 and up[-2] == down[-2]:
         up.pop()
         down.pop()
@@ -120,12 +123,15 @@ def _ancestors(parents: Mapping[str, Iterable[str]], frame: str, where: str) -> 
     """Return a frame and its ancestors up to the root."""
     way = [frame]
     while own := sorted(set(parents.get(way[-1], ()))):
+        # A tree has one parent for each frame, ...
         if len(own) > 1:
             raise InputError(
                 f"frame {way[-1]!r} has several parents: {_listed(own)}",
                 path=where,
                 remedy="name frames whose way does not lead through it",
             )
+
+        # ... and no circles.
         if own[0] in way:
             loop = " -> ".join([*way[way.index(own[0]) :], own[0]])
             raise InputError(

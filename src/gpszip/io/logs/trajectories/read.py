@@ -158,6 +158,7 @@ def _euroc_layout(source: Source) -> Layout:
 
 def _read(source: Source, request: Request, layout: Layout) -> RawLog:
     """Read a file at once."""
+    # Find its columns.
     if _is_plain_table(request):
         return read_csv(source, request)
     reader = _reader(source, request, layout)

@@ -95,24 +95,19 @@ def describe_tum_losses(_names: Sequence[str], attributes: Sequence[str]) -> lis
 
 
 def _check(rows: TrackRows) -> None:
+    """Refuse what TUM can't hold."""
+    # Each with the formats that can.
     if rows.geographic:
-        raise OutputError(
-            "tum holds metres, not latitude and longitude",
-            location=f"track {rows.track!r}",
-            remedy="write CSV, GPX, GeoJSON or Parquet",
-        )
-    if rows.times is None:
-        raise OutputError(
-            "tum needs times, and the track is a shape without any",
-            location=f"track {rows.track!r}",
-            remedy="write CSV, GeoJSON or Parquet",
-        )
-    if rows.coordinates.shape[1] > 3:
-        raise OutputError(
-            "tum holds x, y and z, and the track has more coordinates",
-            location=f"track {rows.track!r}",
-            remedy="write CSV or Parquet",
-        )
+        reason, formats = "metres, not latitude and longitude", "CSV, GPX, GeoJSON or Parquet"
+    elif rows.times is None:
+        reason, formats = "times, and the track is a shape without any", "CSV, GeoJSON or Parquet"
+    elif rows.coordinates.shape[1] > 3:
+        reason, formats = "x, y and z, and the track has more coordinates", "CSV or Parquet"
+    else:
+        return
+    raise OutputError(
+        f"tum holds {reason}", location=f"track {rows.track!r}", remedy=f"write {formats}"
+    )
 
 
 def _axes(rows: TrackRows) -> list[Floats]:
