@@ -281,6 +281,17 @@ def test_files_streams_and_archives_are_read(tmp_path, kind):
 
 
 @pytest.mark.parametrize("kind", ["sqlite", "mcap"])
+def test_a_folder_in_a_zip_archive_is_read_by_its_files(tmp_path, kind):
+    path = write_bag(tmp_path / "log", kind, of_loop(POSES["Odometry"]))
+    with zipfile.ZipFile(tmp_path / "log.zip", "w") as archive:
+        for file in path.iterdir():
+            archive.write(file, f"log/{file.name}")
+    result = both_ways(tmp_path / "log.zip")
+    assert result[0].positions.tolist() == loop()[1].tolist()
+    assert [item.name.endswith("metadata.yaml") for item in result.left_out] == [True]
+
+
+@pytest.mark.parametrize("kind", ["sqlite", "mcap"])
 def test_a_folder_counts_all_of_its_bytes(tmp_path, kind):
     path = write_bag(tmp_path / "log", kind, of_loop(POSES["Odometry"]))
     for name in (path, path / "metadata.yaml"):
@@ -328,6 +339,25 @@ def test_a_bag_that_was_never_closed_is_refused_with_a_remedy(tmp_path):
     with pytest.raises(InputError, match="not indexed") as caught:
         read_logs(str(path))
     assert "rosbag reindex" in caught.value.remedy
+
+
+def test_a_database_that_was_never_closed_is_refused(tmp_path):
+    import sqlite3
+
+    path = write_bag(tmp_path / "log", "sqlite", of_loop(POSES["Odometry"]))
+    (file,) = path.glob("*.db3")
+    with sqlite3.connect(file) as database:
+        database.execute("PRAGMA journal_mode=WAL")
+        database.execute("DELETE FROM messages WHERE id > 100")
+        database.commit()
+        # While it is open, the change is in the file beside it alone.
+        for name in (path, file):
+            with pytest.raises(InputError, match=r"log\.db3-wal holds messages") as caught:
+                read_logs(str(name))
+            assert "wal_checkpoint" in caught.value.remedy
+    database.close()
+    (track,) = read_logs(str(file))
+    assert len(track) == 100
 
 
 @bags

@@ -13,7 +13,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from gpszip.errors import GPSZipError, InputError, MissingExtraError
+from gpszip.errors import GPSZipError, InputError, MissingExtraError, UnknownFormatError
 from gpszip.io.logs.ros.messages import TRANSFORMS
 from gpszip.io.storage.expansion import read_chunk
 from gpszip.io.storage.source import Source
@@ -130,6 +130,8 @@ def open_bag(source: Source) -> Iterator[Bag]:
         If rosbags or mcap are not installed.
     """
     kind = kind_of(source)
+    if source.path is not None and kind in ("sqlite", "folder"):
+        _refuse_open_databases(source, source.path)
     with ExitStack() as stack:
         path = stack.enter_context(_as_file(source, kind))
         with named_faults(source.name, kind):
@@ -142,7 +144,7 @@ def kind_of(source: Source) -> str:
 
     Raises
     ------
-    InputError
+    UnknownFormatError
         If it is none of these.
     """
     head = source.head()
@@ -154,11 +156,31 @@ def kind_of(source: Source) -> str:
         return "sqlite"
     if source.path is not None and source.path.name == METADATA:
         return "folder"
-    raise InputError(
+    # The metadata in a zip archive holds no log; the files beside it are read by themselves.
+    raise UnknownFormatError(
         "is no bag of ROS and no MCAP",
         path=source.name,
         remedy="name a .bag, .db3 or .mcap, or a folder with metadata.yaml",
     )
+
+
+def _refuse_open_databases(source: Source, path: Path) -> None:
+    """Refuse databases some of whose messages are still in a file beside them.
+
+    rosbags reads the database alone, and would pass over these messages.
+    """
+    if path.name == METADATA:
+        logs = sorted(path.parent.glob("*.db3-wal"))
+    else:
+        logs = [path.with_name(f"{path.name}-wal")]
+    for log in logs:
+        if log.is_file() and log.stat().st_size:
+            database = str(log).removesuffix("-wal")
+            raise InputError(
+                f"was not closed: {log.name} holds messages that are not in it yet",
+                path=source.name,
+                remedy=f"sqlite3 {database} 'PRAGMA wal_checkpoint(TRUNCATE)' adds them",
+            )
 
 
 @contextmanager
