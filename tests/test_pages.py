@@ -4,6 +4,7 @@ import re
 import shlex
 import shutil
 from datetime import UTC, datetime
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,17 @@ def gps_lap(id, **options):
     return gpszip.Track(id, times, to_plane(lat, lon, plane), plane=plane)
 
 
+def office(messages):
+    """Yield messages of a robot that drifts: its odometry, and transforms that correct it."""
+    _, times, positions = lap("robot", start=1.7e9)
+    yield "/tf_static", 0, messages.transforms(messages.transform(0, (5, 5, 0), child="dock"))
+    for i, (time, position) in enumerate(zip(times, positions, strict=True)):
+        ns, p = round(time * 1e9), (*position, 0)
+        moved = messages.transform(ns, p, frame="odom", child="base_link")
+        yield "/odom", ns, messages.odometry(ns, p)
+        yield "/tf", ns, messages.transforms(moved, messages.transform(ns, (-i / 50, 0, 0)))
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """The files that the pages name."""
@@ -89,6 +101,12 @@ def folder(tmp_path, monkeypatch):
     table = Path("patrol.csv").read_text().splitlines()
     Path("odometry.csv").write_text("\n".join(["id,stamp,px,py", *table[1:]]))
 
+    # A bag of ROS 2, where its extra is installed.
+    if find_spec("rosbags"):
+        from ros_bags import write_bag
+
+        write_bag("office", "sqlite", office)
+
     # Archives that pages of how-tos begin with.
     for number, name in enumerate(("monday", "tuesday", "fleet")):
         archive = gpszip.compress([gps_lap("cab", number=number)], rmse=5.0, effort=1)
@@ -98,6 +116,8 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("page", PAGES)
 def test_the_blocks_of_the_page_run_from_top_to_bottom(folder, page, capsys):
+    if page == "robots.md":
+        pytest.importorskip("rosbags", reason="the page needs the extra: pip install 'gpszip[ros]'")
     # The fleet's how-to makes the archive that others begin with.
     if page == "fleets.md":
         Path("fleet.gpsz").unlink()

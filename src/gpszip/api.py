@@ -70,6 +70,10 @@ def read(
     since: Times | None = None,
     until: Times | None = None,
     bbox: Sequence[float] | None = None,
+    topics: str | Sequence[str] = (),
+    frame: str | None = None,
+    times_file: str | os.PathLike[str] | None = None,
+    rate: float | None = None,
 ) -> ReadResult:
     r"""Read tracks from logs.
 
@@ -114,6 +118,15 @@ def read(
     bbox : sequence of four floats, optional
         The area whose points are read: west, south, east, north in degrees, or x from, y from, x
         to, y to in metres. A track that leaves it and comes back starts a new track.
+    topics : str or sequence of str, optional
+        Topics of ROS logs to read, each as a track. A log with one topic of positions needs none.
+    frame : str, optional
+        Frames of ROS logs, ``map:base_link``: the positions of the second in the first, composed
+        of transforms.
+    times_file : path, optional
+        File with a time in each line, for KITTI's poses, which have none.
+    rate : float, optional
+        Poses in a second, for KITTI's poses.
 
     Returns
     -------
@@ -165,6 +178,10 @@ def read(
         skip_bad=skip_bad,
         times=times,
         selection=make_selection(tracks, since, until, bbox),
+        topics=topics,
+        frame=frame,
+        times_file=None if times_file is None else os.fspath(times_file),
+        rate=rate,
     )
     _warn_of_losses(result)
     return result

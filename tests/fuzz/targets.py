@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -233,6 +234,23 @@ NMEA = (
     "$GPGLL,5327.04024,N,00214.41560,W,102929.00,A,A*7A\r\n",
 )
 
+TUM = (
+    "# timestamp tx ty tz qx qy qz qw\n"
+    + "".join(f"{t / 10} {3 * t} {t % 7}.5 0 0 0 0.6 0.8\n" for t in range(12)),
+    "".join(
+        f"{t}000000000,{3 * t},{t % 7}.5,0,0,0,0,1\n" for t in range(1_400_000_000, 1_400_000_009)
+    ),
+)
+
+EUROC = (
+    "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],"
+    "q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []\n"
+    + "".join(f"14036365{t}0000000000,{3 * t},{t % 7}.5,0,1,0,0,0\n" for t in range(10, 22)),
+    "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m]\n0,1,2,3\n50000000,1,2,4\n",
+)
+
+KITTI = ("".join(f"1 0 0 {3 * t} 0 1 0 {t % 7}.5 0 0 1 0\n" for t in range(12)),)
+
 ROADS_GEOJSON = (
     """{"type": "FeatureCollection", "features": [
 {"type": "Feature", "properties":
@@ -355,6 +373,30 @@ def _parquet(pq: object, table: object, compression: str) -> bytes:
     out = io.BytesIO()
     pq.write_table(table, out, compression=compression)  # type: ignore[attr-defined]
     return out.getvalue()
+
+
+@cache
+def _bags() -> Sequence[bytes]:
+    """Bags of ROS 1 and ROS 2, and an MCAP file; the start of a bag without the extra ros."""
+    if not find_spec("rosbags"):
+        return [b"#ROSBAG V2.0\n"]
+    from ros_bags import START, write_bag
+
+    def messages(m: Any) -> Any:
+        yield "/tf_static", START, m.transforms(m.transform(0, (1, 2, 3), child="gps"))
+        for i in range(20):
+            ns, p = START + i * 10**8, (i, i % 7, 0)
+            moved = m.transform(ns, p, frame="gps", child="robot")
+            yield "/tf", ns, m.transforms(moved, m.transform(ns, p))
+            yield "/odom", ns, m.odometry(ns, p)
+
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+        paths = [write_bag(Path(folder) / kind, kind, messages) for kind in ("sqlite", "mcap")]
+        files = [
+            next(path.glob(f"*.{end}")) for path, end in zip(paths, ("db3", "mcap"), strict=True)
+        ]
+        files.append(write_bag(Path(folder) / "log", "bag", messages))
+        return [file.read_bytes() for file in files]
 
 
 @cache
@@ -583,6 +625,14 @@ TARGETS = {
     "geojson": Target(_log("geojson", sort=True), _texts(GEOJSON)),
     "parquet": Target(_log("parquet"), _parquets, mutations.BINARY),
     "parquet, table": Target(_log("parquet"), _parquets, mutations.BINARY, _apply_to_table),
+    "tum": Target(_log("tum", heading=True, keep=("qw",), sort=True), _texts(TUM)),
+    "euroc": Target(_log("euroc", heading=True, keep=("p_RS_R_x",), sort=True), _texts(EUROC)),
+    "kitti": Target(_log("kitti", heading=True, rate=10.0), _texts(KITTI)),
+    "ros topic": Target(_log("ros", topics="/odom", heading=True), _bags, mutations.BINARY),
+    "ros frame": Target(_log("ros", frame="map:robot", keep=("qw",)), _bags, mutations.BINARY),
+    "tum, stored": Target(_stored(format="tum", sort=True), _texts(TUM)),
+    "euroc, stored": Target(_stored(format="euroc", sort=True), _texts(EUROC)),
+    "kitti, stored": Target(_stored(format="kitti", rate=10.0), _texts(KITTI)),
     "csv, stored": Target(_stored(format="csv", clean=True, sort=True), _texts(CSV)),
     "xml, stored": Target(_stored(split=True), _texts(GPX + KML + TCX)),
     "parquet, stored": Target(_stored(format="parquet"), _parquets, mutations.BINARY),
@@ -594,7 +644,7 @@ TARGETS = {
     "any log": Target(
         _log(None, skip_bad=True),
         lambda: [
-            *_texts(CSV + GPX + KML + TCX + GEOJSON + NMEA)(),
+            *_texts(CSV + GPX + KML + TCX + GEOJSON + NMEA + TUM + EUROC)(),
             *_histories(),
             *_fits(),
             *_parquets(),

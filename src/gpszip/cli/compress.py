@@ -21,6 +21,7 @@ from gpszip.cli.options import (
     output_name,
     output_option,
     quiet,
+    robot_options,
     time_options,
     time_order_options,
 )
@@ -134,9 +135,11 @@ _BOUND_OPTIONS = {
     help="Number of segments that the k parts share; by default searched.",
 )
 @click.option(
-    "--times/--no-times",
-    default=True,
-    help="Keep the times, or the shapes only; a table then needs no column of times.",
+    "--no-times",
+    "times",
+    is_flag=True,
+    callback=lambda _context, _option, is_given: not is_given,
+    help="Keep the shapes only, without times; a table then needs no column of times.",
 )
 @click.option(
     "--layer", type=click.Choice(["bz2"]), help="Pack the archive once more, as the thesis did."
@@ -159,6 +162,7 @@ _BOUND_OPTIONS = {
 )
 @time_options
 @selection_options
+@robot_options
 @click.option(
     "--keep",
     metavar="COLUMNS",
@@ -302,6 +306,10 @@ def _open_log(
         keep=_kept_columns(choices),
         times=choices["times"],
         selection=selection,
+        topics=choices["topics"],
+        frame=choices["frame"],
+        times_file=choices["times_file"],
+        rate=choices["rate"],
     )
 
 

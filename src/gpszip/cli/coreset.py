@@ -14,6 +14,7 @@ from gpszip.cli.options import (
     force,
     output_option,
     quiet,
+    robot_options,
     skip_bad_logs,
     time_options,
     time_order_options,
@@ -66,6 +67,7 @@ _MAX_USEFUL_EPS = 10
     help="Which column is what: t=when,x=east,y=north, or names in order.",
 )
 @time_options
+@robot_options
 @click.option(
     "--format", metavar="FORMAT", help="Format of the logs; by default found from the content."
 )
@@ -96,6 +98,7 @@ def command(
     scheduler: str | None,
     quiet: bool,
     force: bool,
+    **robot: Any,
 ) -> Outcome:
     """Read every LOG, of any size, and write its coreset as Parquet.
 
@@ -132,6 +135,7 @@ def command(
             columns=columns,
             time_unit=time_unit,
             dates=dates,
+            **robot,
             sort=sort,
             split=split,
             skip_bad=skip_bad,

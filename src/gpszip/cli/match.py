@@ -19,6 +19,7 @@ from gpszip.cli.options import (
     output_name,
     output_option,
     quiet,
+    robot_options,
     skip_bad_logs,
     time_options,
 )
@@ -84,6 +85,7 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
     "--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north,heading=course."
 )
 @time_options
+@robot_options
 @quiet
 @force
 @common_options
@@ -106,7 +108,7 @@ def command(
     dates: str | None,
     quiet: bool,
     force: bool,
-    **selecting: Any,
+    **reading: Any,
 ) -> Outcome:
     """Find the roads that every LOG took, and write its routes.
 
@@ -127,6 +129,7 @@ def command(
     from gpszip.pipeline.match import match, read_network
 
     # Read and match.
+    selection = pop_selection(reading)
     start = time.perf_counter()
     with progress_bar(quiet=quiet or settings.json) as listener:
         read_result = read_logs(
@@ -134,10 +137,11 @@ def command(
             columns=columns,
             time_unit=time_unit,
             dates=dates,
+            **reading,
             # Headings that are ignored need no column.
             heading=heading != math.inf,
             skip_bad=skip_bad,
-            selection=pop_selection(selecting),
+            selection=selection,
         )
         roads = read_network(list(network), near=read_result.tracks)
         matching = match(

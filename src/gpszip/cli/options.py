@@ -23,6 +23,7 @@ __all__ = [
     "output_name",
     "output_option",
     "quiet",
+    "robot_options",
     "skip_bad_logs",
     "time_options",
     "time_order_options",
@@ -143,6 +144,20 @@ def time_order_options(command: F) -> F:
     split = "Start a new track where time goes back."
     command = click.option("--split", is_flag=True, help=split)(command)
     return click.option("--sort", is_flag=True, help=sort)(command)
+
+
+def robot_options(command: F) -> F:
+    """Add the options of robots' logs: --topic, --frame, --times and --rate."""
+    topic = "Topic of a ROS log; each is a track. Needless if only one has poses."
+    frame = "Positions of a frame in another, from transforms of a ROS log, such as map:base_link."
+    times = "File with a time in each line, for KITTI's poses."
+    rate = "Poses a second, for KITTI's poses."
+    command = click.option("--rate", type=float, metavar="HZ", help=rate)(command)
+    command = click.option(
+        "--times", "times_file", metavar="FILE", help=times, shell_complete=complete_files()
+    )(command)
+    command = click.option("--frame", metavar="MAP:ROBOT", help=frame)(command)
+    return click.option("--topic", "topics", metavar="NAME", multiple=True, help=topic)(command)
 
 
 def output_option(example: str, *, default: str = "") -> Callable[[F], F]:

@@ -18,6 +18,7 @@ from gpszip.cli.options import (
     network_option,
     output_option,
     quiet,
+    robot_options,
     skip_bad_logs,
     time_options,
     time_order_options,
@@ -63,6 +64,7 @@ _TEXT_SUFFIXES = (".csv", ".tsv", ".txt", "-")
     help="Which column is what: t=when,x=east,y=north; or names in order, without a header.",
 )
 @time_options
+@robot_options
 @quiet
 @force
 @common_options
@@ -83,6 +85,7 @@ def command(
     dates: str | None,
     quiet: bool,
     force: bool,
+    **robot: Any,
 ) -> Outcome:
     """Fill the gaps of every LOG with the likeliest path over roads, at the log's own sampling.
 
@@ -104,6 +107,7 @@ def command(
         columns=columns,
         time_unit=time_unit,
         dates=dates,
+        **robot,
         sort=sort,
         split=split,
         skip_bad=skip_bad,

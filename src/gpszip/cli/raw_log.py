@@ -9,7 +9,7 @@ import click
 
 from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.options import time_options, time_order_options
+from gpszip.cli.options import robot_options, time_options, time_order_options
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
@@ -41,7 +41,7 @@ def raw_log_options(command: F) -> F:
     """Add --raw, and the options that say how it is read."""
     raw = "Logs that were compressed, to show and to measure."
     columns = "Which column of LOG is what: t=when,x=east,y=north."
-    command = time_options(time_order_options(command))
+    command = robot_options(time_options(time_order_options(command)))
     command = click.option("--columns", metavar="ROLES", help=columns)(command)
     return click.option(
         "--raw", metavar="LOG...", multiple=True, help=raw, shell_complete=complete_files()

@@ -138,6 +138,48 @@ NMEA = LogFormat(
     read_batches=deferred("gpszip.io.logs.nmea.read", "read_nmea_batches"),
 )
 
+TUM = LogFormat(
+    name="tum",
+    suffixes=(".tum",),
+    description="time, x, y, z and a quaternion in each line",
+    sniff=deferred("gpszip.io.logs.trajectories.layouts", "sniff_tum"),
+    read=deferred("gpszip.io.logs.trajectories.read", "read_tum"),
+    read_batches=deferred("gpszip.io.logs.trajectories.read", "read_tum_batches"),
+    write=deferred("gpszip.io.logs.trajectories.write", "write_tum"),
+    describe_losses=deferred("gpszip.io.logs.trajectories.write", "describe_tum_losses"),
+)
+
+EUROC = LogFormat(
+    name="euroc",
+    suffixes=(),
+    description="EuRoC's data.csv of positions, or the folder of a sequence",
+    sniff=deferred("gpszip.io.logs.trajectories.layouts", "sniff_euroc"),
+    read=deferred("gpszip.io.logs.trajectories.read", "read_euroc"),
+    read_batches=deferred("gpszip.io.logs.trajectories.read", "read_euroc_batches"),
+)
+
+KITTI = LogFormat(
+    name="kitti",
+    suffixes=(),
+    description="12 numbers of a matrix in each line; --times FILE or --rate 10",
+    sniff=deferred("gpszip.io.logs.trajectories.layouts", "sniff_kitti"),
+    read=deferred("gpszip.io.logs.trajectories.read", "read_kitti"),
+    read_batches=deferred("gpszip.io.logs.trajectories.read", "read_kitti_batches"),
+    takes=("times_file", "rate"),
+)
+
+ROS = LogFormat(
+    name="ros",
+    suffixes=(".bag", ".mcap", ".db3"),
+    description="positions of a topic (--topic) or a frame (--frame); folders of ROS 2, too",
+    sniff=deferred("gpszip.io.logs.ros.read", "sniff_ros"),
+    read=deferred("gpszip.io.logs.ros.read", "read_ros"),
+    read_batches=deferred("gpszip.io.logs.ros.read", "read_ros_batches"),
+    is_binary=True,
+    extra="ros",
+    takes=("topics", "frame"),
+)
+
 CSV = LogFormat(
     name="csv",
     suffixes=(".csv", ".tsv", ".txt", ".tab"),
@@ -161,6 +203,10 @@ LOG_FORMATS: tuple[LogFormat, ...] = (
     GEOJSON,
     FIT,
     NMEA,
+    ROS,
+    EUROC,
+    TUM,
+    KITTI,
     CSV,
 )
 

@@ -14,9 +14,9 @@ from typing import BinaryIO, TypeAlias
 
 import pyarrow as pa
 
-from gpszip.errors import InputError
-from gpszip.io.logs.formats import format_for_reading, format_named, is_bundle
-from gpszip.io.logs.log_format import CoordinateKind, LogBatches, LogFormat
+from gpszip.errors import InputError, OptionError
+from gpszip.io.logs.formats import format_for_reading, format_named, is_bundle, log_formats
+from gpszip.io.logs.log_format import SPECIAL_OPTIONS, CoordinateKind, LogBatches, LogFormat
 from gpszip.io.logs.plausibility import check_plausible
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.storage.source import Source, expand, is_stray_file
@@ -142,6 +142,7 @@ def _open_log_file(
     # after this one.
     try:
         chosen = format_for_reading(source) if format_ is None else format_named(format_)
+        refuse_unknown_options(chosen, request, source.name)
         opened = None
         if in_batches and chosen.read_batches is not None:
             opened = chosen.read_batches(source, request)
@@ -152,6 +153,25 @@ def _open_log_file(
         reason = str(error).splitlines()[0][:_MAX_REASON_LETTERS]
         return LogFile(
             source, request, error=InputError(f"can't be read: {reason}", path=source.name)
+        )
+
+
+def refuse_unknown_options(format_: LogFormat, request: Request, where: str) -> None:
+    """Refuse options that the format of a file doesn't know, rather than pass over them.
+
+    Raises
+    ------
+    OptionError
+        If the request has a field of :data:`SPECIAL_OPTIONS` that isn't among ``takes``.
+    """
+    for field, option in SPECIAL_OPTIONS.items():
+        if not getattr(request, field) or field in format_.takes:
+            continue
+        knowing = [other.name for other in log_formats() if field in other.takes]
+        raise OptionError(
+            f"{option} is not for {format_.name}",
+            path=where,
+            remedy=f"leave it out; it is for {' and '.join(knowing)}",
         )
 
 

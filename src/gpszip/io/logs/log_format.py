@@ -16,7 +16,15 @@ if TYPE_CHECKING:
     from gpszip.io.logs.track_rows import TrackRows
     from gpszip.io.storage.source import Source
 
-__all__ = ["CoordinateKind", "LogBatches", "LogFormat"]
+__all__ = ["SPECIAL_OPTIONS", "CoordinateKind", "LogBatches", "LogFormat"]
+
+#: Fields of a request that only some formats know, and their options on the command line.
+SPECIAL_OPTIONS = {
+    "topics": "--topic",
+    "frame": "--frame",
+    "times_file": "--times",
+    "rate": "--rate",
+}
 
 
 class CoordinateKind(NamedTuple):
@@ -66,7 +74,8 @@ class LogFormat:
     name : str
         Name for the option ``--format``, in lower case.
     suffixes : tuple of str
-        Suffixes of file names, in lower case; the first one is shown as an example.
+        Suffixes of file names, in lower case; the first one is shown as an example. None if names
+        say nothing, and files of the format are only read.
     description : str
         What is read, in one line.
     sniff : callable
@@ -94,6 +103,9 @@ class LogFormat:
     extra : str
         The optional dependency that it needs: ``pip install 'gpszip[EXTRA]'``. ``read`` raises
         :class:`gpszip.errors.MissingExtraError` if it isn't installed.
+    takes : tuple of str
+        Fields of :class:`gpszip.io.logs.raw.Request` that only some formats know, of those in
+        :data:`SPECIAL_OPTIONS`. Other formats refuse their options.
 
     Examples
     --------
@@ -128,3 +140,4 @@ class LogFormat:
     is_binary: bool = False
     is_fallback: bool = False
     extra: str = ""
+    takes: tuple[str, ...] = ()

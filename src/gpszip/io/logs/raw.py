@@ -53,6 +53,15 @@ class Request:
         raising.
     times : bool
         Whether a table needs a column of times; without one, its tracks are read as shapes.
+    topics : tuple of str
+        Topics of a ROS log to read, each as a track.
+    frame : str, optional
+        Frames of a ROS log, ``map:base_link``: the position of the second in the first, from
+        transforms.
+    times_file : str, optional
+        File with a time in each line, for poses that have none.
+    rate : float, optional
+        Poses in a second, for poses that have no times.
     """
 
     columns: Mapping[str, str] | tuple[str, ...] | None = None
@@ -62,6 +71,10 @@ class Request:
     dates: str | None = None
     skip_bad: bool = False
     times: bool = True
+    topics: tuple[str, ...] = ()
+    frame: str | None = None
+    times_file: str | None = None
+    rate: float | None = None
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,16 @@ together the rows of each track, and projects them. The
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.errors import OptionError
 from gpszip.geo.outliers import find_outliers
 from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.io.logs.collect import CollectedLog, collect_log
@@ -47,6 +50,10 @@ class ReadOptions(TypedDict, total=False):
     skip_bad: bool
     times: bool
     selection: Selection
+    topics: str | Sequence[str]
+    frame: str | None
+    times_file: str | Path | None
+    rate: float | None
 
 
 def parse_options(options: ReadOptions) -> tuple[Request, CleaningOptions]:
@@ -58,6 +65,8 @@ def parse_options(options: ReadOptions) -> tuple[Request, CleaningOptions]:
         If the columns can't be understood, or options exclude each other.
     """
     keep = options.get("keep", ())
+    topics = options.get("topics", ())
+    times_file = options.get("times_file")
     request = Request(
         columns=parse_columns(options.get("columns")),
         time_unit=options.get("time_unit"),
@@ -66,7 +75,12 @@ def parse_options(options: ReadOptions) -> tuple[Request, CleaningOptions]:
         dates=options.get("dates"),
         skip_bad=options.get("skip_bad", False),
         times=options.get("times", True),
+        topics=(topics,) if isinstance(topics, str) else tuple(topics),
+        frame=options.get("frame"),
+        times_file=None if times_file is None else str(times_file),
+        rate=options.get("rate"),
     )
+    _check_robot_options(request)
     cleaning = CleaningOptions(
         sort=options.get("sort", False),
         split=options.get("split", False),
@@ -75,6 +89,16 @@ def parse_options(options: ReadOptions) -> tuple[Request, CleaningOptions]:
         selection=options.get("selection", EVERYTHING),
     )
     return request, cleaning
+
+
+def _check_robot_options(request: Request) -> None:
+    """Refuse options for robots' logs that exclude each other, or that say nothing."""
+    if request.times_file is not None and request.rate is not None:
+        raise OptionError("--times and --rate were both given", remedy="give one")
+    if request.rate is not None and not 0 < request.rate < math.inf:
+        raise OptionError(
+            f"--rate {request.rate:g}: a rate is above 0", remedy="state poses in a second"
+        )
 
 
 class _MemoryTrack(NamedTuple):
@@ -126,6 +150,10 @@ def read_logs(
     skip_bad: bool = False,
     times: bool = True,
     selection: Selection = EVERYTHING,
+    topics: str | Sequence[str] = (),
+    frame: str | None = None,
+    times_file: str | Path | None = None,
+    rate: float | None = None,
 ) -> ReadResult:
     r"""Read position logs.
 
@@ -171,6 +199,14 @@ def read_logs(
         Which tracks and points are read; all by default. A track that leaves the area and comes
         back starts a new track, named as with ``split``. Tracks without times are left out of a
         time range.
+    topics : str or sequence of str
+        Topics of ROS logs to read, each as a track. A log with one topic of positions needs none.
+    frame : str, optional
+        Frames of ROS logs, ``map:base_link``: the track of the second in the first.
+    times_file : str or Path, optional
+        File with a time in each line, for KITTI's poses.
+    rate : float, optional
+        Poses in a second, for KITTI's poses.
 
     Returns
     -------
@@ -203,6 +239,10 @@ def read_logs(
         "skip_bad": skip_bad,
         "times": times,
         "selection": selection,
+        "topics": topics,
+        "frame": frame,
+        "times_file": times_file,
+        "rate": rate,
     }
     request, cleaning = parse_options(options)
 

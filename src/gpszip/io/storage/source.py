@@ -17,6 +17,7 @@ import pyarrow as pa
 from gpszip.errors import InputError, UnknownFormatError
 from gpszip.io.storage.display_name import printable_name
 from gpszip.io.storage.expansion import open_gzip, read_chunk
+from gpszip.io.storage.folders import find_folder_log, folder_remedy, is_folder_log
 from gpszip.io.storage.remote import fetch_objects, is_url
 from gpszip.io.storage.temporary import disk_errors_as_output_errors, scratch_folder
 from gpszip.io.storage.zip_files import ZipMember, find_members, is_zip
@@ -392,7 +393,7 @@ def _match_pattern(name: str) -> list[str]:
 
 
 def _resolve_name(name: str) -> Iterator[Source | _Stream | InputError]:
-    """The file with a name, or the Parquet files in the folder with it."""
+    """The file with a name, or the files of the log that is the folder with it."""
     # A name that can't be a path is an error of this source alone.
     shown = printable_name(name)
     try:
@@ -401,17 +402,21 @@ def _resolve_name(name: str) -> Iterator[Source | _Stream | InputError]:
     except (OSError, ValueError, RuntimeError) as error:  # a NUL, or the home of no user
         yield InputError(_explain_error(error), path=shown)
         return
-    if not is_folder:
+    if not is_folder and not is_folder_log(path):
         yield _resolve_file(name, path)
         return
+    path = path if is_folder else path.parent
 
-    # A folder is one log of Parquet files, maybe in partitions.
+    # A folder may be a log of a known kind.
+    if found := find_folder_log(path):
+        yield Source(shown, path=found.path, folder=path, stored_bytes=found.stored_bytes)
+        return
+
+    # Else it is one log of Parquet files, maybe in partitions.
     files = sorted(path.rglob("*.parquet"))
     yield from (Source(printable_name(str(file)), path=file, folder=path) for file in files)
     if not files:
-        yield InputError(
-            "is a folder", path=shown, remedy=f"name the files in it: '{shown.rstrip('/')}/*.csv'"
-        )
+        yield InputError("is a folder", path=shown, remedy=folder_remedy(path, shown))
 
 
 def _resolve_file(name: str, path: Path) -> Source | _Stream | InputError:

@@ -1,0 +1,1 @@
+"""Trajectories as SLAM benchmarks store them: TUM, KITTI and EuRoC."""
