@@ -130,7 +130,9 @@ class Job:
     def report(self, stage: str, done: float) -> None:
         """Tell the listener which share of a stage is done."""
         if self.listener is not None:
-            self.listener(Progress(stage, done))
+            # A map is learned from the sample; all other stages work on all of the log.
+            tracks = self.sample if stage == "learn" else self.log.tracks
+            self.listener(Progress(stage, done, sum(len(track) for track in tracks)))
 
 
 def prepare(
