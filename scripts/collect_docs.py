@@ -7,6 +7,7 @@ and files beside docs/, such as the changelog, become pages.
 """
 
 import inspect
+import json
 import re
 import shutil
 import sys
@@ -16,6 +17,7 @@ import click
 
 import gpszip
 from gpszip.cli.main import cli
+from gpszip.cli.schemas import ERROR, SCHEMAS
 
 ROOT = Path(__file__).parents[1]
 
@@ -42,6 +44,7 @@ def main() -> None:
     (target / "commands.md").write_text(commands_page())
     (target / "reference.md").write_text(reference_page())
     (target / "errors.md").write_text(errors_page())
+    write_schemas(target)
 
 
 def link_to_pages(text: str) -> str:
@@ -71,6 +74,43 @@ def commands_page() -> str:
         context.terminal_width = WIDTH
         parts.append(f"## {name}\n\n```text\n{command.get_help(context)}\n```\n")
     return "\n".join(parts)
+
+
+def write_schemas(target: Path) -> None:
+    """Write the schemas of all outputs with --json, and a page that lists their fields."""
+    folder = target / "schemas"
+    folder.mkdir()
+    lines = [
+        "# JSON",
+        "",
+        "What commands print with `--json`: one object in one line, on standard output, or on",
+        "standard error if the result itself is on standard output. Lengths are in metres, times",
+        "in seconds, sizes in bytes. Numbers that are not finite are null. There are no other",
+        "fields than these; a later version may add some.",
+        "",
+    ]
+    for name, schema in {**SCHEMAS, "an error": ERROR}.items():
+        file = folder / f"{re.sub(r'[^a-z]+', '-', name)}.json"
+        file.write_text(json.dumps(schema, indent=2) + "\n")
+        lines += [f"## {name}", "", f"[JSON schema](schemas/{file.name})", ""]
+        lines += ["| field | type | |", "|---|---|---|", *field_rows(schema), ""]
+    (target / "json.md").write_text("\n".join(lines))
+
+
+def field_rows(schema: dict, prefix: str = "") -> list[str]:
+    """Rows of a table for the fields of an object, and for those of objects in it."""
+    rows = []
+    for name, field in schema["properties"].items():
+        types = field.get("type", "constant" if "const" in field else "text")
+        kind = types if isinstance(types, str) else " or ".join(types)
+        missing = "" if name in schema["required"] else " (may be missing)"
+        about = field.get("description", "")
+        rows.append(f"| `{prefix}{name}` | {kind} | {about}{missing} |")
+        inner = field.get("items", field)
+        if "properties" in inner:
+            ending = "[]." if "items" in field else "."
+            rows += field_rows(inner, f"{prefix}{name}{ending}")
+    return rows
 
 
 def reference_page() -> str:
