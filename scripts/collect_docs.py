@@ -6,6 +6,7 @@ Pages of docs/ are copied. Pages about commands, public names and errors are wri
 and files beside docs/, such as the changelog, become pages.
 """
 
+import ast
 import inspect
 import json
 import re
@@ -28,6 +29,9 @@ FILES = {
     "SECURITY.md": "security.md",
 }
 
+#: Examples in the order of the gallery.
+GALLERY = ("patrol", "fleet", "error_bound", "segment_mean", "matching", "gaps")
+
 #: Width of help texts in columns.
 WIDTH = 100
 
@@ -44,6 +48,7 @@ def main() -> None:
     (target / "commands.md").write_text(commands_page())
     (target / "reference.md").write_text(reference_page())
     (target / "errors.md").write_text(errors_page())
+    (target / "gallery.md").write_text(gallery_page())
     write_schemas(target)
 
 
@@ -74,6 +79,27 @@ def commands_page() -> str:
         context.terminal_width = WIDTH
         parts.append(f"## {name}\n\n```text\n{command.get_help(context)}\n```\n")
     return "\n".join(parts)
+
+
+def gallery_page() -> str:
+    """Picture, explanation and code of every example, in the order of GALLERY."""
+    lines = [
+        "# Gallery",
+        "",
+        "Each picture is made by the script below it, which runs in seconds on a generated log.",
+        "`python examples/NAME.py FOLDER` writes it to a folder.",
+        "",
+    ]
+    for name in GALLERY:
+        source = (ROOT / "examples" / f"{name}.py").read_text()
+        tree = ast.parse(source)
+        title, _, text = (ast.get_docstring(tree) or "").partition("\n\n")
+        code = source.splitlines()[tree.body[0].end_lineno :]
+        lines += [f"## {title.rstrip('.')}", "", text, "", f"![{title}](gallery/{name}.png)", ""]
+        lines += [f'??? example "examples/{name}.py"', "    ```python"]
+        lines += [f"    {line}".rstrip() for line in "\n".join(code).strip().splitlines()]
+        lines += ["    ```", ""]
+    return "\n".join(lines)
 
 
 def write_schemas(target: Path) -> None:
