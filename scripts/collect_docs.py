@@ -17,7 +17,7 @@ from pathlib import Path
 import click
 
 import gpszip
-from gpszip.cli.main import cli
+from gpszip.cli.main import ERROR_CODES, ExitCode, cli
 from gpszip.cli.schemas import ERROR, SCHEMAS
 
 ROOT = Path(__file__).parents[1]
@@ -160,6 +160,16 @@ def errors_page() -> str:
         "",
     ]
     names = [name for name in gpszip.__all__ if name != "__version__" and is_error(name)]
+    lines += ["| error | exit code | |", "|---|---|---|"]
+    for name in names:
+        error = getattr(gpszip, name)
+        codes = (code for kind, code in ERROR_CODES.items() if issubclass(error, kind))
+        code = str(int(next(codes, ExitCode.FAILED)))
+        if issubclass(error, Warning):
+            code = ""
+        about = (error.__doc__ or "").splitlines()[0]
+        lines.append(f"| [`{name}`](#{home_of(name)}) | {code} | {about} |")
+    lines.append("")
     return "\n".join([*lines, *(f"::: {home_of(name)}\n" for name in names)])
 
 
