@@ -1,12 +1,12 @@
 """Estimate the archive of a log and the CPU time that it takes, from parts of the log.
 
 Two samples of the log, one twice as large as the other, are compressed as the log would be. Bytes
-and CPU seconds are extrapolated by the power law through the two.
+and CPU seconds are extrapolated by the line through the two: a map takes bytes once, and each point
+of a walk on it takes its share.
 """
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -42,10 +42,6 @@ _MAX_WHOLE = 10_000
 
 #: Samples of a first part, which loads the kernels and is not counted.
 _WARM_SAMPLES = 200
-
-#: Powers of the number of samples with which bytes and CPU seconds are believed to grow. Maps are
-#: shared, so that bytes never grow faster than the log.
-_POWERS = (0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -172,11 +168,11 @@ def estimate(
 
 
 def extrapolate(counts: Sequence[int], values: Sequence[float], whole: int) -> float:
-    """Extrapolate by the power law through the last two points.
+    """Extrapolate by the line through the last two points.
 
-    The value at ``n`` is ``v (n / c)^p`` for the last count ``c`` and value ``v``. The power ``p``
-    is that of the last two points, within 0 and 1: maps are shared, so that archives grow no
-    faster than their logs.
+    The value at ``n`` is ``v + s (n - c)`` for the last count ``c`` and value ``v``. The slope
+    ``s`` is that of the last two points, within 0 and ``v / c``: maps are shared, so that archives
+    grow no faster than their logs.
 
     Parameters
     ----------
@@ -187,18 +183,17 @@ def extrapolate(counts: Sequence[int], values: Sequence[float], whole: int) -> f
 
     Examples
     --------
-    >>> extrapolate([100, 200], [10.0, 20.0], 1000), extrapolate([100, 400], [10.0, 20.0], 1600)
-    (100.0, 40.0)
+    >>> extrapolate([100, 200], [10.0, 20.0], 1000), extrapolate([100, 200], [10.0, 15.0], 1000)
+    (100.0, 55.0)
     >>> extrapolate([100, 200], [10.0, 9.0], 1000), extrapolate([100], [10.0], 100)
     (9.0, 10.0)
     """
     # Two parts may have the same samples, those of few long slices: then growth is even.
-    low, high = _POWERS
-    power = high
+    slope = values[-1] / counts[-1]
     if len(counts) > 1 and counts[-1] > counts[-2]:
-        growth = math.log(values[-1] / values[-2]) / math.log(counts[-1] / counts[-2])
-        power = min(max(growth, low), high)
-    return float(values[-1] * (whole / counts[-1]) ** power)
+        growth = (values[-1] - values[-2]) / (counts[-1] - counts[-2])
+        slope = min(max(growth, 0.0), slope)
+    return float(values[-1] + slope * (whole - counts[-1]))
 
 
 def _prepare(
