@@ -26,12 +26,14 @@ from gpszip.cli.options import (
     time_order_options,
 )
 from gpszip.cli.outcome import Outcome
+from gpszip.cli.selecting import pop_selection, selection_options
 from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
     from gpszip.model import Listener, Options, Report
     from gpszip.model.log import Log
+    from gpszip.model.selection import Selection
     from gpszip.run.executor import Executor
 
 __all__ = ["command"]
@@ -157,6 +159,7 @@ _BOUND_OPTIONS = {
     help="Which column is what: t=when,x=east,y=north; or names in order, without a header.",
 )
 @time_options
+@selection_options
 @click.option(
     "--keep",
     metavar="COLUMNS",
@@ -200,6 +203,7 @@ def command(
 
     # Refuse what can be refused before the logs are read.
     target = _output_name(target, logs, choices)
+    selection = pop_selection(choices)
     options = _compress_options(choices)
     extended = _archive_to_extend(target, choices)
     known_map = _open_map(choices)
@@ -211,13 +215,14 @@ def command(
 
     if dry_run:
         as_json = settings.json
-        return _dry_run(target, logs, choices, options, extended, known_map, as_json=as_json)
+        archives = (extended, known_map)
+        return _dry_run(target, logs, choices, options, selection, *archives, as_json=as_json)
 
     # Make the archive, and the map extended by the logs.
     with (
         progress_bar(quiet=quiet or settings.json) as listener,
         open_executor(*_executor_choices(choices)) as executor,
-        _open_log(logs, choices, options, extended or known_map, listener) as log,
+        _open_log(logs, choices, options, selection, extended or known_map, listener) as log,
     ):
         work = _Work(_memory(choices), executor, listener)
         if extended is not None:
@@ -243,6 +248,7 @@ def _dry_run(
     logs: tuple[str, ...],
     choices: dict[str, Any],
     options: Options,
+    selection: Selection,
     extended: Archive | None,
     known_map: Archive | None,
     *,
@@ -257,9 +263,10 @@ def _dry_run(
     from gpszip.pipeline.estimate import estimate
 
     # Standard input is read twice, for its format and its rows, so that it is copied first.
+    base = extended or known_map
     with spooled(logs, unzip=is_bundle) as sources:
         files = tuple(describe_files(sources, choices["format"]))
-        with _open_log(sources, choices, options, extended or known_map, None) as log:
+        with _open_log(sources, choices, options, selection, base, None) as log:
             read_seconds = time.process_time()
             memory = _memory(choices)
             found = estimate(log, options, memory=memory, map=known_map, extended=extended)
@@ -314,6 +321,7 @@ def _open_log(
     logs: Iterable[Any],
     choices: dict[str, Any],
     options: Options,
+    selection: Selection,
     map: Archive | None,
     listener: Listener | None,
 ) -> AbstractContextManager[Log]:
@@ -337,6 +345,7 @@ def _open_log(
         skip_bad=choices["skip_bad"],
         keep=_kept_columns(choices),
         times=choices["times"],
+        selection=selection,
     )
 
 
