@@ -57,6 +57,9 @@ COMMANDS = [
     "match rough.csv --network roads.geojson -o out.geojson",
     "patch rough.csv --network roads.geojson -o out.csv --gap 10s",
     "merge walk.gpsz two.gpsz -o out.gpsz --deviation 1",
+    "select two.gpsz --track a -o out.gpsz",
+    "split two.gpsz --by track -o parts",
+    "join two.gpsz -o out.gpsz",
     "view walk.gpsz -o out.html",
     "view walk.gpsz --raw rough.csv -o out.html",
     "info walk.gpsz",
@@ -109,7 +112,8 @@ def takes_json(command):
 
 
 def test_every_command_with_json_has_a_schema_and_is_tested():
-    with_json = {name for name in cli.list_commands(None) if takes_json(name)}
+    # What cat prints with --json is an error alone: its rows are data.
+    with_json = {name for name in cli.list_commands(None) if takes_json(name)} - {"cat"}
     assert with_json == {name for name in SCHEMAS if " " not in name}
     # What warm prints needs no kernels to be compiled by a test.
     assert with_json - {words.split()[0] for words in COMMANDS} == {"warm"}

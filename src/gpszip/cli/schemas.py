@@ -314,6 +314,18 @@ _VIEW_LOG: Fields = {
     **_READ,
 }
 
+_ARCHIVE: Fields = {
+    **_OUTPUT,
+    "tracks": "integer: tracks in it",
+    "bytes": "integer: its size",
+}
+
+#: What select and split wrote.
+_PARTS: Fields = {
+    "tracks": "integer: tracks of the whole archive",
+    "parts": _list(_object(_ARCHIVE), "archives that were written"),
+}
+
 #: Fields of each command's output, and those that may be missing.
 _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "compress": ({**_OUTPUT, **_COMPRESSION}, {}),
@@ -334,6 +346,9 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "patch": ({**_OUTPUT, **_PATCH}, {}),
     "merge": ({**_OUTPUT, **_MERGE}, {}),
     "view": ({**_OUTPUT, "bytes": "integer: size of the page"}, _VIEW_LOG),
+    "join": (_ARCHIVE, {}),
+    "select": (_PARTS, {}),
+    "split": (_PARTS, {}),
     "info": (_INFO, _DETAIL),
     "verify": (
         {
