@@ -74,9 +74,11 @@ bench: $(VENV)/.dev
 
 docs: $(VENV)/.docs
 	$(BIN)/python scripts/draw_architecture.py docs/architecture.svg
+	$(BIN)/python scripts/draw_gallery.py docs/gallery
 	$(BIN)/python scripts/collect_docs.py build/docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
-	@echo "open build/site/index.html"
+	$(BIN)/python scripts/finish_site.py build/site
+	@echo "open build/site/index.html; the search of pages needs a server: python -m http.server --directory build/site"
 
 # hatch_build.py puts build/compiled into the wheel, so that nothing is compiled where that is installed.
 wheel: $(VENV)/.dev

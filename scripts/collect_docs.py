@@ -6,7 +6,9 @@ Pages of docs/ are copied. Pages about commands, public names and errors are wri
 and files beside docs/, such as the changelog, become pages.
 """
 
+import ast
 import inspect
+import json
 import re
 import shutil
 import sys
@@ -15,7 +17,8 @@ from pathlib import Path
 import click
 
 import gpszip
-from gpszip.cli.main import cli
+from gpszip.cli.main import ERROR_CODES, ExitCode, cli
+from gpszip.cli.schemas import ERROR, SCHEMAS
 
 ROOT = Path(__file__).parents[1]
 
@@ -25,6 +28,9 @@ FILES = {
     "CONTRIBUTING.md": "contributing.md",
     "SECURITY.md": "security.md",
 }
+
+#: Examples in the order of the gallery.
+GALLERY = ("patrol", "fleet", "error_bound", "segment_mean", "matching", "gaps")
 
 #: Width of help texts in columns.
 WIDTH = 100
@@ -42,6 +48,8 @@ def main() -> None:
     (target / "commands.md").write_text(commands_page())
     (target / "reference.md").write_text(reference_page())
     (target / "errors.md").write_text(errors_page())
+    (target / "gallery.md").write_text(gallery_page())
+    write_schemas(target)
 
 
 def link_to_pages(text: str) -> str:
@@ -73,6 +81,64 @@ def commands_page() -> str:
     return "\n".join(parts)
 
 
+def gallery_page() -> str:
+    """Picture, explanation and code of every example, in the order of GALLERY."""
+    lines = [
+        "# Gallery",
+        "",
+        "Each picture is made by the script below it, which runs in seconds on a generated log.",
+        "`python examples/NAME.py FOLDER` writes it to a folder.",
+        "",
+    ]
+    for name in GALLERY:
+        source = (ROOT / "examples" / f"{name}.py").read_text()
+        tree = ast.parse(source)
+        title, _, text = (ast.get_docstring(tree) or "").partition("\n\n")
+        code = source.splitlines()[tree.body[0].end_lineno :]
+        lines += [f"## {title.rstrip('.')}", "", text, "", f"![{title}](gallery/{name}.png)", ""]
+        lines += [f'??? example "examples/{name}.py"', "    ```python"]
+        lines += [f"    {line}".rstrip() for line in "\n".join(code).strip().splitlines()]
+        lines += ["    ```", ""]
+    return "\n".join(lines)
+
+
+def write_schemas(target: Path) -> None:
+    """Write the schemas of all outputs with --json, and a page that lists their fields."""
+    folder = target / "schemas"
+    folder.mkdir()
+    lines = [
+        "# JSON",
+        "",
+        "What commands print with `--json`: one object in one line, on standard output, or on",
+        "standard error if the result itself is on standard output. Lengths are in metres, times",
+        "in seconds, sizes in bytes. Numbers that are not finite are null. There are no other",
+        "fields than these; a later version may add some.",
+        "",
+    ]
+    for name, schema in {**SCHEMAS, "an error": ERROR}.items():
+        file = folder / f"{re.sub(r'[^a-z]+', '-', name)}.json"
+        file.write_text(json.dumps(schema, indent=2) + "\n")
+        lines += [f"## {name}", "", f"[JSON schema](schemas/{file.name})", ""]
+        lines += ["| field | type | |", "|---|---|---|", *field_rows(schema), ""]
+    (target / "json.md").write_text("\n".join(lines))
+
+
+def field_rows(schema: dict, prefix: str = "") -> list[str]:
+    """Rows of a table for the fields of an object, and for those of objects in it."""
+    rows = []
+    for name, field in schema["properties"].items():
+        types = field.get("type", "constant" if "const" in field else "text")
+        kind = types if isinstance(types, str) else " or ".join(types)
+        missing = "" if name in schema["required"] else " (may be missing)"
+        about = field.get("description", "")
+        rows.append(f"| `{prefix}{name}` | {kind} | {about}{missing} |")
+        inner = field.get("items", field)
+        if "properties" in inner:
+            ending = "[]." if "items" in field else "."
+            rows += field_rows(inner, f"{prefix}{name}{ending}")
+    return rows
+
+
 def reference_page() -> str:
     """Docstrings of all public functions, then of all public types."""
     names = [name for name in gpszip.__all__ if name != "__version__"]
@@ -94,6 +160,16 @@ def errors_page() -> str:
         "",
     ]
     names = [name for name in gpszip.__all__ if name != "__version__" and is_error(name)]
+    lines += ["| error | exit code | |", "|---|---|---|"]
+    for name in names:
+        error = getattr(gpszip, name)
+        codes = (code for kind, code in ERROR_CODES.items() if issubclass(error, kind))
+        code = str(int(next(codes, ExitCode.FAILED)))
+        if issubclass(error, Warning):
+            code = ""
+        about = (error.__doc__ or "").splitlines()[0]
+        lines.append(f"| [`{name}`](#{home_of(name)}) | {code} | {about} |")
+    lines.append("")
     return "\n".join([*lines, *(f"::: {home_of(name)}\n" for name in names)])
 
 

@@ -1,5 +1,10 @@
-"""The commands and the code of the documentation's introductions work, from top to bottom."""
+"""The commands and the code of the documentation work, page by page, from top to bottom.
 
+tests/test_python_page.py runs docs/python.md and the code of README.md; docs/cli.md has patterns of
+commands, whose names and options tests/test_docs.py checks.
+"""
+
+import json
 import re
 import shlex
 import shutil
@@ -16,12 +21,47 @@ from sybil.region import Region
 
 import gpszip
 from gpszip.cli.main import main
-from gpszip.geo.planes import choose_plane, to_plane
+from gpszip.geo.planes import choose_plane, to_geographic, to_plane
 from gpszip.io.logs.write import write_tracks
+from gpszip.io.networks.read import read_network
 from oracle import google
 
-DOCS = Path(__file__).parents[1] / "docs"
-PAGES = ["tutorial.md", "robots.md", "fleets.md", "phones.md", "notebooks.md", "qgis.md"]
+ROOT = Path(__file__).parents[1]
+
+#: Pages, and the archives that they begin with.
+PAGES = {
+    "docs/index.md": (),
+    "docs/tutorial.md": (),
+    "docs/robots.md": (),
+    "docs/fleets.md": ("monday", "tuesday"),
+    "docs/phones.md": (),
+    "docs/notebooks.md": ("monday", "tuesday", "fleet"),
+    "docs/qgis.md": ("fleet",),
+    "docs/known-maps.md": (),
+    "docs/map.md": ("fleet",),
+    "docs/coreset.md": (),
+    "docs/matching.md": (),
+    "docs/merging.md": ("north", "south"),
+    "docs/networks.md": (),
+    "docs/parallel.md": (),
+    "docs/patching.md": (),
+    "docs/pictures.md": ("patrol", "fine", "medium", "coarse"),
+    "docs/view.md": ("walks",),
+    "README.md": ("monday", "north", "south"),
+}
+
+#: What a page needs besides the dependencies of the tests.
+NEEDS = {"docs/map.md": "osmnx", "docs/robots.md": "rosbags"}
+
+#: The log of each archive that pages begin with.
+LOGS = {"patrol": "patrol.csv", "walks": "walks/walk.gpx"}
+
+#: Files that a page writes itself.
+WRITTEN = {"docs/index.md": "walks.csv"}
+
+#: Parts of commands that are not run: they need another machine, or load all kernels first, which
+#: takes half a minute. tests/cli/test_engines.py runs processes.
+NOT_RUN = ("s3://", "gpszip warm", "--engine processes")
 
 #: A command in an indented block.
 COMMAND = re.compile(r"^ {4}(gpszip .*?)(?: {2,}#.*)?$", re.MULTILINE)
@@ -37,8 +77,13 @@ def parse_commands(document: Document):
 
 def run_command(example):
     """Run a command as a shell would: patterns without quotes are expanded."""
+    if any(part in example.parsed for part in NOT_RUN):
+        return
     words = []
     for word in shlex.split(example.parsed, posix=False)[1:]:
+        # No test opens a browser.
+        if word == "--open":
+            continue
         if word.startswith("'"):
             words.append(word.strip("'"))
         elif "*" in word:
@@ -78,23 +123,65 @@ def office(messages):
         yield "/tf", ns, messages.transforms(moved, messages.transform(ns, (-i / 50, 0, 0)))
 
 
+def roads(east, north):
+    """GeoJSON of the streets around blocks of 200 m by 100 m, as many as are asked for."""
+    corners = [(200 * i, 100 * j) for i in range(east + 1) for j in range(north + 1)]
+    ends = [((x, y), (x + 200, y)) for x, y in corners if x < 200 * east]
+    ends += [((x, y), (x, y + 100)) for x, y in corners if y < 100 * north]
+    lines = [[[13.4 + x / 67_700, 52.51 + y / 111_200] for x, y in line] for line in ends]
+    features = [
+        {
+            "type": "Feature",
+            "properties": {"highway": "residential"},
+            "geometry": {"type": "LineString", "coordinates": line},
+        }
+        for line in lines
+    ]
+    return {"type": "FeatureCollection", "features": features}
+
+
+def write_osm(path, collection):
+    """Write lines as ways of OpenStreetMap."""
+    osmium = pytest.importorskip("osmium")
+    ways = [feature["geometry"]["coordinates"] for feature in collection["features"]]
+    numbers = {point: n for n, point in enumerate({tuple(p) for way in ways for p in way}, 1)}
+    with osmium.SimpleWriter(str(path)) as writer:
+        for point, number in numbers.items():
+            writer.add_node(osmium.osm.mutable.Node(id=number, location=point, version=1))
+        for number, way in enumerate(ways, 1):
+            nodes = [numbers[tuple(point)] for point in way]
+            tags = {"highway": "residential"}
+            writer.add_way(osmium.osm.mutable.Way(id=number, nodes=nodes, tags=tags, version=1))
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """The files that the pages name."""
+    """The files that the pages name, but for archives."""
     monkeypatch.chdir(tmp_path)
-    for name in ("rides", "walks", "fleet"):
+
+    # Logs on the earth, in folders and alone.
+    for name in ("rides", "walks", "fleet", "logs"):
         Path(name).mkdir()
     for number in range(3):
         write_tracks([gps_lap(f"ride-{number}", number=number)], f"rides/{number}.gpx")
         write_tracks([gps_lap(f"cab-{number}", number=number)], f"fleet/{number}.parquet")
+        write_tracks([gps_lap(f"cab-{number}", number=number)], f"logs/{number}.csv")
     shutil.copy("rides/0.gpx", "walks/walk.gpx")
+    shutil.copy("rides/0.gpx", "walks.gpx")
     write_tracks([gps_lap("next", number=4)], "next.gpx")
-    write_tracks([gps_lap("phone")], "history.csv")
+    for name in ("history", "walk", "walks", "drive", "drives"):
+        write_tracks([gps_lap(name)], f"{name}.csv")
+    for number, name in enumerate(("monday", "tuesday")):
+        write_tracks([gps_lap(name, number=number)], f"{name}.csv")
+
+    # The history of a phone.
     phone = [
         (datetime.fromtimestamp(START + 60 * i, UTC), 52.51 + i % 20 / 1e3, 13.4, 0)
         for i in range(100)
     ]
     Path("Timeline.json").write_bytes(google.encode(google.android(phone)))
+
+    # Logs of a robot in metres.
     for number, name in enumerate(("patrol", "tomorrow")):
         log = gpszip.Track(*lap("robot", number=number, start=0.0))
         write_tracks([log], f"{name}.csv")
@@ -107,23 +194,87 @@ def folder(tmp_path, monkeypatch):
 
         write_bag("office", "sqlite", office)
 
-    # Archives that pages of how-tos begin with.
-    for number, name in enumerate(("monday", "tuesday", "fleet")):
-        archive = gpszip.compress([gps_lap("cab", number=number)], rmse=5.0, effort=1)
-        archive.save(f"{name}.gpsz")
+    # Roads.
+    Path("roads.geojson").write_text(json.dumps(roads(2, 2)))
+    write_osm("roads.osm.pbf", roads(2, 2))
+    shutil.copy("roads.osm.pbf", "CITY.osm.pbf")
     return tmp_path
 
 
+def write_archives(names):
+    """Write the archives that a page begins with."""
+    for number, name in enumerate(names):
+        if name in LOGS:
+            tracks = list(gpszip.read(LOGS[name]))
+        elif name in {"fine", "medium", "coarse"}:
+            tracks = list(gpszip.read("walk.csv"))
+        else:
+            tracks = [
+                gps_lap("cab" if name in {"monday", "tuesday", "fleet"} else name, number=number)
+            ]
+        gpszip.compress(tracks, rmse=5.0 + number, effort=1).save(f"{name}.gpsz")
+
+
+def values_of(page):
+    """The names that the code of a page takes for granted."""
+    track = gps_lap("bus", n=300)
+    names = {"gpszip": gpszip, "track": track, "tracks": [track]}
+    if page == "docs/coreset.md":
+        names |= {"times": track.times[::50], "positions": track.positions[::50]}
+        names["chunks"] = [
+            (track.times[i : i + 100], track.positions[i : i + 100]) for i in (0, 100)
+        ]
+        for number, name in enumerate(("monday", "tuesday", "other_car")):
+            names[name] = gpszip.coreset(gps_lap(name[:3], number=number), size=50)
+    if page == "docs/matching.md":
+        network = read_network("roads.geojson")
+        on_network = gpszip.Track("a", track.times, to_network(track, network), plane=network.plane)
+        names |= {"earlier": [on_network], "network": network, "heading": 90.0}
+        names |= {"t": float(track.times[0]), "position": on_network.positions[0]}
+    return names
+
+
+def to_network(track, network):
+    """Positions of a track on the plane of a network."""
+    lat, lon = to_geographic(track.positions, track.plane)
+    return to_plane(lat, lon, network.plane)
+
+
 @pytest.mark.parametrize("page", PAGES)
-def test_the_blocks_of_the_page_run_from_top_to_bottom(folder, page, capsys):
-    if page == "robots.md":
-        pytest.importorskip("rosbags", reason="the page needs the extra: pip install 'gpszip[ros]'")
-    # The fleet's how-to makes the archive that others begin with.
-    if page == "fleets.md":
-        Path("fleet.gpsz").unlink()
-    sybil = Sybil([parse_commands, PythonCodeBlockParser()])
-    document = sybil.parse(DOCS / page)
+def test_the_blocks_of_the_page_run_from_top_to_bottom(folder, page, request):
+    if page in NEEDS:
+        pytest.importorskip(NEEDS[page])
+    if page in WRITTEN:
+        Path(WRITTEN[page]).unlink()
+    write_archives(PAGES[page])
+    # The code of the introduction is run by tests/test_python_page.py.
+    parsers = [parse_commands]
+    if page != "README.md":
+        parsers.append(PythonCodeBlockParser())
+    document = Sybil(parsers).parse(ROOT / page)
+    document.namespace.update(values_of(page))
+    if page == "docs/parallel.md":
+        document.namespace["client"] = request.getfixturevalue("client")
     examples = list(document.examples())
-    assert len(examples) >= 2
+    assert examples
     for example in examples:
         example.evaluate()
+
+
+@pytest.fixture
+def client():
+    """A cluster of Dask in this process."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.Client(
+        processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None
+    ) as connected:
+        yield connected
+
+
+def test_every_page_with_code_or_commands_is_run():
+    # docs/formats.md names files that other programs write.
+    told = {"docs/python.md", "docs/cli.md", "docs/formats.md"}
+    for path in [*ROOT.glob("docs/*.md"), ROOT / "README.md"]:
+        text = path.read_text()
+        if COMMAND.search(text) or "```python" in text:
+            assert str(path.relative_to(ROOT)) in {*PAGES, *told}, path.name

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gpszip.cli.main import _COMMANDS, _ExitCode, main
+from gpszip.cli.main import _COMMANDS, ExitCode, main
 from gpszip.cli.topics import TOPICS
 
 ROOT = Path(__file__).parents[2]
@@ -40,7 +40,7 @@ def test_an_unknown_topic_names_the_nearest(gpszip):
 
 def test_the_topic_of_exit_codes_has_all_of_them():
     listed = re.findall(r"^ *(\d+)  ", TOPICS["exit-codes"], re.MULTILINE)
-    assert sorted(map(int, listed)) == sorted(map(int, _ExitCode))
+    assert sorted(map(int, listed)) == sorted(map(int, ExitCode))
 
 
 def test_the_topic_of_the_environment_has_every_variable(gpszip):

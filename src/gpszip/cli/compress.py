@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -174,6 +175,11 @@ _BOUND_OPTIONS = {
     metavar="FORMAT",
     help="Format of the logs: LOG_FORMATS; by default found from the content.",
 )
+@click.option(
+    "--dry-run",
+    is_flag=True,
+    help="Say what would be read, and estimate bytes and CPU time from a sample; write nothing.",
+)
 @engine_options
 @quiet
 @force
@@ -186,6 +192,7 @@ def command(
     target: str | None,
     force: bool,
     quiet: bool,
+    dry_run: bool,
     **choices: Any,
 ) -> Outcome:
     """Read every LOG, learn the map that they repeat, and write one archive.
@@ -210,6 +217,11 @@ def command(
     if choices["update_map"]:
         check_output(choices["update_map"], force=force, binary=True)
 
+    if dry_run:
+        as_json = settings.json
+        archives = (extended, known_map)
+        return _dry_run(target, logs, choices, options, selection, *archives, as_json=as_json)
+
     # Make the archive, and the map extended by the logs.
     with (
         progress_bar(quiet=quiet or settings.json) as listener,
@@ -233,6 +245,38 @@ def command(
     if settings.json or not quiet:
         print_summary(target, read_result, report, as_json=settings.json)
     return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
+
+
+def _dry_run(
+    target: str,
+    logs: tuple[str, ...],
+    choices: dict[str, Any],
+    options: Options,
+    selection: Selection,
+    extended: Archive | None,
+    known_map: Archive | None,
+    *,
+    as_json: bool,
+) -> Outcome:
+    """Read the logs, and say what would be written."""
+    import time
+
+    from gpszip.cli.dry_run import DryRun, describe_files, print_dry_run
+    from gpszip.io.logs.formats import is_bundle
+    from gpszip.io.storage.source import spooled
+    from gpszip.pipeline.estimate import estimate
+
+    # Standard input is read twice, for its format and its rows, so that it is copied first.
+    base = extended or known_map
+    with spooled(logs, unzip=is_bundle) as sources:
+        files = tuple(describe_files(sources, choices["format"]))
+        with _open_log(sources, choices, options, selection, base, None) as log:
+            read_seconds = time.process_time()
+            memory = _memory(choices)
+            found = estimate(log, options, memory=memory, map=known_map, extended=extended)
+            dry_run = DryRun(target, files, log, found, read_seconds)
+            print_dry_run(dry_run, as_json=as_json)
+            return Outcome.DONE if dry_run.read_result.complete else Outcome.LEFT_OUT
 
 
 def _output_name(target: str | None, logs: tuple[str, ...], choices: dict[str, Any]) -> str:
@@ -278,7 +322,7 @@ class _Work:
 
 
 def _open_log(
-    logs: tuple[str, ...],
+    logs: Iterable[Any],
     choices: dict[str, Any],
     options: Options,
     selection: Selection,

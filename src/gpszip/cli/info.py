@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -17,9 +16,6 @@ __all__ = ["command"]
 
 #: Names of error bounds.
 _BOUND_NAMES = {"rmse": "RMSE", "max_error": "largest error"}
-
-#: Seconds between these are dates since 1970 (1973 to 5138), as in a log's time column.
-_EPOCH_SECONDS = (1e8, 1e11)
 
 #: Tracks that are named.
 _MAX_NAMED = 5
@@ -138,13 +134,15 @@ def _summary_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
 
 def _detail_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     """Return the lines about decoded walks."""
+    from gpszip.cli.units import format_time
+
     bounds = "; ".join(
         f"{name} {low:.7g} to {high:.7g}" for name, (low, high) in facts["bounds"].items()
     )
     if facts["t_start"] is None:
         time_range = "times are not kept"
     else:
-        time_range = f"{_format_time(facts['t_start'])} to {_format_time(facts['t_end'])}"
+        time_range = f"{format_time(facts['t_start'])} to {format_time(facts['t_end'])}"
 
     return [
         ("map", f"nodes {facts['nodes']:,}, edges {facts['edges']:,}"),
@@ -157,7 +155,7 @@ def _detail_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
 
 def _resolution_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     """Return the lines about the resolution of positions and times."""
-    from gpszip.cli.units import format_length
+    from gpszip.cli.units import format_length, format_time
 
     rows = [("positions", f"{_describe_axes(facts)}, to {format_length(facts['node_step_m'])}")]
     for number, (lat, lon) in enumerate(facts["planes"]):
@@ -165,7 +163,7 @@ def _resolution_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     if not facts["timed"]:
         return [*rows, ("times", "none: the shapes of the tracks alone")]
 
-    epoch = _format_time(facts["epoch"])
+    epoch = format_time(facts["epoch"])
     rows.append(("times", f"to {facts['time_step_s']:.3g} s, from epoch {epoch}"))
     if facts.get("untimed"):
         rows.append(("no times", f"tracks {len(facts['untimed']):,}{_list_ids(facts['untimed'])}"))
@@ -197,11 +195,3 @@ def _describe_axes(facts: dict[str, Any]) -> str:
     if facts["geographic"]:
         return "latitude and longitude"
     return f"{facts['dimension']} coordinates on the log's own plane"
-
-
-def _format_time(seconds: float) -> str:
-    """Format seconds from the log's zero, with the date if that is 1970."""
-    plain = f"{seconds:.3f}".rstrip("0").rstrip(".")
-    if not _EPOCH_SECONDS[0] <= seconds < _EPOCH_SECONDS[1]:
-        return f"{plain} s"
-    return f"{plain} s ({datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S} UTC)"

@@ -25,7 +25,7 @@ from gpszip.errors import BoundError, CorruptArchiveError, GPSZipError, MapError
 from gpszip.files.os_errors import explain_os_error
 from gpszip.files.written import collect_outputs
 
-__all__ = ["cli", "main", "run"]
+__all__ = ["ERROR_CODES", "ExitCode", "cli", "main", "run"]
 
 #: Help of ``gpszip`` itself.
 _HELP = """Learn the map that position logs repeat, and store the logs as walks on it.
@@ -66,7 +66,7 @@ _COMMANDS = (
 )
 
 
-class _ExitCode(IntEnum):
+class ExitCode(IntEnum):
     """Exit codes, which docs/cli.md documents."""
 
     DONE = 0
@@ -80,11 +80,11 @@ class _ExitCode(IntEnum):
 
 
 #: Exit codes of errors; other errors of GPSZip are failures.
-_ERROR_CODES: dict[type[GPSZipError], _ExitCode] = {
-    OptionError: _ExitCode.USAGE,
-    CorruptArchiveError: _ExitCode.CORRUPT,
-    MapError: _ExitCode.MAP,
-    BoundError: _ExitCode.BOUND,
+ERROR_CODES: dict[type[GPSZipError], ExitCode] = {
+    OptionError: ExitCode.USAGE,
+    CorruptArchiveError: ExitCode.CORRUPT,
+    MapError: ExitCode.MAP,
+    BoundError: ExitCode.BOUND,
 }
 
 #: What to do about errors of the system.
@@ -156,7 +156,7 @@ def run() -> None:
         try:
             code = main(sys.argv[1:])
             flush_error = flush_stdout()
-            if flush_error is not None and code in (_ExitCode.DONE, _ExitCode.LEFT_OUT):
+            if flush_error is not None and code in (ExitCode.DONE, ExitCode.LEFT_OUT):
                 code = _report_error(flush_error, settings)
             ignore_signals()
         except KeyboardInterrupt as interrupt:
@@ -192,14 +192,14 @@ def main(arguments: list[str]) -> int:
             if settings.debug:
                 traceback.print_exc()
             return _report_error(error, settings, written)
-    return _ExitCode.LEFT_OUT if outcome is Outcome.LEFT_OUT else _ExitCode.DONE
+    return ExitCode.LEFT_OUT if outcome is Outcome.LEFT_OUT else ExitCode.DONE
 
 
 def _report_error(error: BaseException, settings: Settings, written: Sequence[str] = ()) -> int:
     """Print an error in one line, and return the exit code."""
     code, text = _explain(error, settings.command)
     # What was written before an interrupt is complete: files appear whole or not at all.
-    if code == _ExitCode.INTERRUPTED:
+    if code == ExitCode.INTERRUPTED:
         text = f"interrupted; {'; '.join(written) or 'nothing was written'}"
     if settings.json and text:
         report = {"kind": type(error).__name__, "message": text, "exit_code": int(code)}
@@ -224,34 +224,34 @@ def _explain(error: BaseException, command: str) -> tuple[int, str]:
 def _find_silent_code(error: BaseException) -> int | None:
     """Return the exit code of an error that needs no message; None for other errors."""
     if isinstance(error, BrokenPipeError):  # the program that reads the output has ended
-        return _ExitCode.FAILED
+        return ExitCode.FAILED
     # A number is an exit code; a text in its place stands for failure, as in Python.
     if isinstance(error, SystemExit):
-        return error.code if isinstance(error.code, int) else _ExitCode.FAILED
+        return error.code if isinstance(error.code, int) else ExitCode.FAILED
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
         error.show()
-        return _ExitCode.USAGE
+        return ExitCode.USAGE
     return None
 
 
 def _explain_in_words(error: BaseException, command: str) -> tuple[int, str]:
     # Errors of the user, of files and of the machine.
     if isinstance(error, click.ClickException):
-        return _ExitCode.USAGE, _explain_usage(error)
+        return ExitCode.USAGE, _explain_usage(error)
     if _is_interrupt(error):
-        return _ExitCode.INTERRUPTED, "interrupted"
+        return ExitCode.INTERRUPTED, "interrupted"
     if isinstance(error, GPSZipError):
-        codes = (code for kind, code in _ERROR_CODES.items() if isinstance(error, kind))
-        return next(codes, _ExitCode.FAILED), str(error)
+        codes = (code for kind, code in ERROR_CODES.items() if isinstance(error, kind))
+        return next(codes, ExitCode.FAILED), str(error)
     if isinstance(error, OSError):
-        return _ExitCode.FAILED, _explain_os_error(error)
+        return ExitCode.FAILED, _explain_os_error(error)
     if isinstance(error, MemoryError):
         less = "give less at once"
         advice = f"{less}, or --memory" if _has_option(command, "--memory") else less
-        return _ExitCode.FAILED, f"not enough memory; {advice}"
+        return ExitCode.FAILED, f"not enough memory; {advice}"
 
     # Errors of the program.
-    return _ExitCode.FAILED, (
+    return ExitCode.FAILED, (
         f"a fault of GPSZip's own: {type(error).__name__}: {error}; "
         "please report it with what --debug shows"
     )

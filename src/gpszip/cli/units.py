@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from datetime import UTC, datetime
 from typing import Any
 
 import click
@@ -16,7 +17,11 @@ __all__ = [
     "format_count",
     "format_duration",
     "format_length",
+    "format_time",
 ]
+
+#: Seconds between these are dates since 1970 (1973 to 5138), as in a log's time column.
+_EPOCH_SECONDS = (1e8, 1e11)
 
 #: A number and a unit.
 #: Sign, digits and exponent; then the unit, any word without digits and spaces.
@@ -188,3 +193,17 @@ def format_count(number: int, noun: str) -> str:
     ('1 track', '2,000 points')
     """
     return f"{number:,} {noun}" + ("" if number == 1 else "s")
+
+
+def format_time(seconds: float) -> str:
+    """Format seconds from a log's zero, with the date if that is 1970.
+
+    Examples
+    --------
+    >>> format_time(12.5), format_time(1714557600)
+    ('12.5 s', '1714557600 s (2024-05-01 10:00:00 UTC)')
+    """
+    plain = f"{seconds:.3f}".rstrip("0").rstrip(".")
+    if not _EPOCH_SECONDS[0] <= seconds < _EPOCH_SECONDS[1]:
+        return f"{plain} s"
+    return f"{plain} s ({datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S} UTC)"

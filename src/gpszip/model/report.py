@@ -19,10 +19,13 @@ class Progress:
         Name of the stage for a person, such as ``"learn"``.
     done : float
         Share of the stage that is done, from 0 to 1.
+    points : int, default 0
+        Samples that the stage works on; 0 if that is unknown.
     """
 
     stage: str
     done: float
+    points: int = 0
 
 
 #: What ``progress=`` takes: any function of one :class:`Progress`.

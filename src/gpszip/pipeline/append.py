@@ -38,7 +38,7 @@ from gpszip.walks.error import TIME_SLACK, ErrorSummary
 from gpszip.walks.quantised import knot_times, merge_grid_walks, node_positions
 from gpszip.walks.shapes import with_synthetic_times
 
-__all__ = ["append"]
+__all__ = ["append", "completed_options"]
 
 #: Shares of the bound that are tried: where a track is continued, the end of the older walk stays
 #: as it is, with whatever error it has.
@@ -107,7 +107,7 @@ def append(
     start = time.perf_counter()
 
     # What the archive states and keeps goes on.
-    options = _completed(options or Options(), archive)
+    options = completed_options(options or Options(), archive)
     log = on_plane_of(archive, as_log(tracks), options)
     _check_times(archive, log)
     extras = extended_sections(archive, log, options)
@@ -167,7 +167,7 @@ def _append_within(archive: Archive, job: Job) -> tuple[Archive, Archive, ErrorS
     return None
 
 
-def _completed(options: Options, archive: Archive) -> Options:
+def completed_options(options: Options, archive: Archive) -> Options:
     """Add the bound that the archive states and the columns that it keeps."""
     # Refuse a size: walks are appended for an error bound alone.
     if options.sized:

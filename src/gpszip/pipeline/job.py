@@ -25,7 +25,7 @@ from gpszip.run import resolve_executor
 from gpszip.run.executor import Executor
 from gpszip.walks.shapes import SyntheticTimes, synthetic_times
 
-__all__ = ["Job", "batches_of", "on_tracks", "prepare"]
+__all__ = ["Job", "batches_of", "choose_slices", "on_tracks", "prepare"]
 
 #: Samples of a track that are read at once to find its gaps: 16 MiB for two coordinates.
 _BLOCK_SAMPLES = 1 << 20
@@ -130,7 +130,9 @@ class Job:
     def report(self, stage: str, done: float) -> None:
         """Tell the listener which share of a stage is done."""
         if self.listener is not None:
-            self.listener(Progress(stage, done))
+            # A map is learned from the sample; all other stages work on all of the log.
+            tracks = self.sample if stage == "learn" else self.log.tracks
+            self.listener(Progress(stage, done, sum(len(track) for track in tracks)))
 
 
 def prepare(
@@ -215,7 +217,7 @@ def batches_of(log: Log, batch: int | None) -> list[list[Slice]]:
     return batch_slices(slice_tracks(counts, batch), batch)
 
 
-def _subsample(log: Log, samples: int) -> tuple[Track, ...]:
+def choose_slices(log: Log, samples: int) -> list[Slice]:
     """Slices evenly spread over the log, and the earliest one, of about so many samples in all."""
     # Cut slices long enough to repeat the map, four or more to a subsample.
     length = max(min(batch_samples(None), samples // _MIN_SLICES), _MIN_SLICE)
@@ -236,9 +238,14 @@ def _subsample(log: Log, samples: int) -> tuple[Track, ...]:
         if each is first or taken + count / 2 <= min(samples / total, 1.0) * passed:
             chosen.append(each)
             taken += count
+    return chosen
+
+
+def _subsample(log: Log, samples: int) -> tuple[Track, ...]:
+    """Read the slices of :func:`choose_slices` as tracks of their own."""
     return tuple(
         replace(log.read(log.tracks[each.track], each.begin, each.end), id=each.name)
-        for each in chosen
+        for each in choose_slices(log, samples)
     )
 
 

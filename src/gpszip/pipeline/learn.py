@@ -76,6 +76,7 @@ def _learn_at_once(job: Job, target: Options) -> Learned | None:
         job.report("learn", done / steps)
 
     # On a map of its own.
+    job.report("learn", 0.0)
     if job.map is None:
         learned = learn_map(
             tracks,

@@ -48,6 +48,7 @@ def learn_in_batches(job: Job, target: Options) -> Learned | None:
 
     batches = job.batches
     for base in _base_maps(job, target):
+        report(0.0)
         try:
             grid_walks = encode_batches(job.log, base, batches, job.executor, report)
         except BoundError:
@@ -87,6 +88,7 @@ def _learned_base(job: Job, target: Options) -> BaseMap:
         job.report("learn", done / steps)
 
     # Few weighted samples of the subsample, where they do.
+    job.report("learn", 0.0)
     tracks, gaps = _thin_out(job, target)
     learned = None
     for share in _SUBSAMPLE_SHARES:

@@ -61,14 +61,18 @@ def match(
     from gpszip.matching.match import match as match_on_network
 
     # Report the share of the samples that are matched.
+    points = len(tracks) if isinstance(tracks, Track) else sum(len(track) for track in tracks)
+
     def report(done: float) -> None:
         if progress is not None:
-            progress(Progress("match", done))
+            progress(Progress("match", done, points))
 
     # Match on roads in memory, or on those of a file that lie near the tracks.
+    near = _network_for(tracks, network)
+    report(0.0)
     return match_on_network(
         tracks,
-        _network_for(tracks, network),
+        near,
         sigma=sigma,
         beta=beta,
         gap=gap,

@@ -107,12 +107,14 @@ def merge(
 
     # One map; for shapes with less and less of the limit.
     untimed = any(source.untimed for source in sources)
+    report = _reporter(progress)
+    report(0, 1)
     for share in _SHAPE_SHARES if untimed else _SHAPE_SHARES[:1]:
         merged = merge_archives(
             curves,
             replace(limit, metres=share * limit.metres),
             executor=resolve_executor(executor),
-            progress=_reporter(progress),
+            progress=report,
         )
         if merged is None:
             continue

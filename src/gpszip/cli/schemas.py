@@ -1,0 +1,404 @@
+"""JSON schemas of what commands print with ``--json``, one for each command.
+
+A field is a text ``TYPES: description``, with the types of JSON joined by ``|``, or a schema.
+Lengths are in metres, times in seconds, sizes in bytes. Numbers that are not finite are null.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TypeAlias
+
+__all__ = ["ERROR", "SCHEMAS"]
+
+#: The draft of JSON Schema in which the schemas are written.
+_DRAFT = "https://json-schema.org/draft/2020-12/schema"
+
+Schema: TypeAlias = dict[str, Any]
+Fields: TypeAlias = Mapping[str, "str | Schema"]
+
+
+def _field(spec: str | Schema) -> Schema:
+    """Return the schema of a field."""
+    if not isinstance(spec, str):
+        return spec
+    types, _, text = spec.partition(": ")
+    names = types.split("|")
+    return {"type": names[0] if len(names) == 1 else names, "description": text}
+
+
+def _object(fields: Fields, text: str = "", optional: Fields | None = None) -> Schema:
+    """Return the schema of an object with exactly these fields; optional ones may be missing."""
+    schema: Schema = {"type": "object"}
+    if text:
+        schema["description"] = text
+    properties = {**fields, **(optional or {})}
+    schema["properties"] = {name: _field(spec) for name, spec in properties.items()}
+    schema["required"] = list(fields)
+    schema["additionalProperties"] = False
+    return schema
+
+
+def _list(item: str | Schema, text: str) -> Schema:
+    return {"type": "array", "items": _field(item), "description": text}
+
+
+def _table(value: str, text: str) -> Schema:
+    """Return the schema of an object whose keys are not known before."""
+    return {"type": "object", "additionalProperties": _field(value), "description": text}
+
+
+#: What was repaired and left out while reading.
+_REPAIRS: Fields = {
+    "repairs": _list(
+        _object(
+            {
+                "what": "string: the problem, and what was done about it",
+                "count": "integer: points (or tracks) concerned",
+                "where": "string: the log, with the first row concerned if that is known",
+                "drops": "boolean: whether these points were dropped",
+                "value": "string: the first value concerned; empty if there is none to show",
+            }
+        ),
+        "what readers changed",
+    ),
+    "left_out": _list(
+        _object({"name": "string: the log, or an item in it", "reason": "string: why"}),
+        "what was not read",
+    ),
+}
+
+#: What reading lost.
+_LOSSES: Fields = {
+    "points_read": "integer: points in the logs",
+    "points_lost": "integer: points that are in no track",
+    "losses": _list(
+        _object(
+            {
+                "track": "string: the track; empty for rows of no known track",
+                "where": "string: the log",
+                "lost": "integer: points that can't be used",
+                "points": "integer: points of the track in the log",
+                "shared": "integer: most points that share one time; 0 if none do",
+            }
+        ),
+        "tracks that lost many points",
+    ),
+}
+
+_READ: Fields = {**_LOSSES, **_REPAIRS}
+_OUTPUT: Fields = {"output": "string: the file that was written; - is standard output"}
+_NOTES: Fields = {"notes": _list("string: a sentence", "what the user should know")}
+_DROPPED: Fields = {"dropped": _list("string: a column", "columns that are not kept")}
+
+_BOUND: Fields = {
+    "error_bound": "string|null: rmse or max_error; null without a bound",
+    "error_bound_m": "number|null: the bound in metres",
+    "error_bound_max_m": "number|null: the maximum beside an RMSE in metres",
+}
+
+_COMPRESSION: Fields = {
+    "points": "integer: samples that went in",
+    "tracks": "integer: tracks that went in",
+    "bytes_in": "integer: size of the logs as stored",
+    "bytes_out": "integer: size of the archive",
+    "ratio": "number: bytes_in / bytes_out",
+    "rmse": "number: root mean square error in metres, measured after decoding",
+    "max_error": "number: largest error of any sample in metres, measured after decoding",
+    "bound": "string: the bound that was held; empty if there was none",
+    "gap": "number|null: longer intervals, in seconds, are gaps; null for none",
+    "seconds": "number: time on the clock",
+    "segments": "integer: straight segments of all walks",
+    "nodes": "integer: nodes of the map",
+    "edges": "integer: edges of the map",
+    **_NOTES,
+    **_READ,
+    **_DROPPED,
+}
+
+_DRY_RUN: Fields = {
+    "dry_run": {"const": True, "description": "nothing was written"},
+    "output": "string: the file that would be written",
+    "files": _list(
+        _object(
+            {
+                "name": "string: the file",
+                "format": "string|null: its format; null if it can't be read",
+                "bytes": "integer: its size as stored",
+            }
+        ),
+        "the logs",
+    ),
+    "points": "integer: samples that would go in",
+    "tracks": "integer: tracks that would go in",
+    "coordinates": "string: lat,lon or x,y or x,y,z or x0,x1,...",
+    "t_start": "number|null: first time in seconds; null without times",
+    "t_end": "number|null: last time in seconds; null without times",
+    "gap": "number|null: longer intervals, in seconds, are gaps; null for none",
+    "bytes_in": "integer: size of the logs as stored",
+    "bound": "string: the bound that would be held; empty if there is none",
+    "estimated_bytes": "integer|null: size of the archive; null if it is not estimated",
+    "estimated_cpu_seconds": "number|null: CPU time of the command; null if it is not estimated",
+    "sampled_points": "integer: samples that were compressed for the estimate; all of a small log",
+    **_NOTES,
+    **_READ,
+    **_DROPPED,
+}
+
+_INFO: Fields = {
+    "archive": "string: the file",
+    "bytes": "integer: its size",
+    "version": "integer: version of the format",
+    "form": "string: which of the forms of the format it has",
+    "layer": "string|null: bz2 if it is packed once more",
+    "groups": "integer: groups of tracks that are decoded by themselves",
+    "sections": _list(
+        _object({"kind": "string: what it holds", "bytes": "integer: its size"}),
+        "parts of the file",
+    ),
+    "tracks": "integer: tracks",
+    "ids": _list("string: a track", "names of the tracks"),
+    "dimension": "integer: coordinates of a position",
+    "geographic": "boolean: whether positions are latitude and longitude",
+    "node_step_m": "number: resolution of positions in metres",
+    "time_step_s": "number: resolution of times in seconds",
+    "kept": {
+        "type": ["array", "null"],
+        "items": {"type": "string"},
+        "description": "columns kept exactly, with the times of the samples; null if none are",
+    },
+    "map": "string|null: hash of the archive that holds the map; null if it is in this one",
+    **_BOUND,
+    "sampling_s": "number|null: typical interval between two samples in seconds",
+    "timed": "boolean: whether tracks have times",
+    "epoch": "number: zero of the archive's times, in seconds",
+    "origin": _list("number: a coordinate", "zero of the archive's positions in metres"),
+    "planes": _list(_list("number: degrees", "latitude and longitude"), "centres of planes"),
+}
+
+#: What is known after decoding.
+_DETAIL: Fields = {
+    "nodes": "integer: nodes of the map",
+    "edges": "integer: edges of the map",
+    "segments": "integer: straight segments of all walks",
+    "waypoints": "integer: nodes between which shortest paths give the walks",
+    "gaps": "integer: gaps in all tracks",
+    "untimed": _list("string: a track", "tracks without times"),
+    "t_start": "number|null: first time in seconds; null without times",
+    "t_end": "number|null: last time in seconds; null without times",
+    "bounds": _table("array: smallest and largest value", "extent of the map by coordinate"),
+}
+
+_MATCH: Fields = {
+    "points": "integer: samples",
+    "tracks": "integer: tracks",
+    "matched": "number|null: share of the samples on a road",
+    "pieces": "integer: unbroken pieces of routes",
+    "length": "number: length of all routes in metres",
+    "error": "number|null: typical distance to the roads in metres",
+    "sigma": "number|null: scale of the distance to the roads in metres",
+    "beta": "number|null: scale of how much longer paths are than straight lines, in metres",
+    "heading": "number|null: spread of headings in degrees; null if they are not used",
+    "headings_ignored": _list("string: a track", "tracks whose headings don't follow the roads"),
+    "breaks": _table("integer: breaks", "why routes break"),
+    "unmatched": _table("integer: samples", "why samples are on no road"),
+    "one_way": _list("string: a road", "roads that samples travel the wrong way"),
+    "seconds": "number: time on the clock",
+    **_READ,
+}
+
+_PATCH: Fields = {
+    "points": "integer: samples of the log",
+    "tracks": "integer: tracks",
+    "gap": "number|null: longer intervals, in seconds, are gaps",
+    "gaps": "integer: gaps",
+    "filled": "integer: gaps that were filled",
+    "added": "integer: points that were added",
+    "open": _list(
+        _object(
+            {
+                "track": "string: the track",
+                "from": "number: time at which the gap begins, in seconds",
+                "seconds": "number: its length",
+                "reason": "string: why it is open",
+            }
+        ),
+        "gaps that were left open",
+    ),
+    "seconds": "number: time on the clock",
+    **_READ,
+}
+
+_MERGE: Fields = {
+    "archives": _list(
+        _object(
+            {
+                "name": "string: the file",
+                "moved_rms": "number: root mean square by which its tracks were moved, in metres",
+                "moved_max": "number: largest distance by which they were moved, in metres",
+            }
+        ),
+        "what was merged",
+    ),
+    "tracks": "integer: tracks",
+    "segments": "integer: straight segments of all walks",
+    "nodes": "integer: nodes of the new map",
+    "edges": "integer: edges of the new map",
+    "nodes_in": "integer: nodes of all maps before",
+    "edges_in": "integer: edges of all maps before",
+    "bytes_in": "integer: size of all archives before",
+    "bytes_out": "integer: size of the new archive",
+    "allowed": "number: how far tracks might be moved, in metres",
+    "allowed_kind": {"enum": ["rms", "max"], "description": "what allowed bounds"},
+    **_BOUND,
+    "seconds": "number: time on the clock",
+    **_NOTES,
+    "left_out": _table("string: why", "archives that can't be read"),
+}
+
+_CORESET: Fields = {
+    "samples": "integer: samples of the log",
+    "tracks": "integer: tracks",
+    "blocks": "integer: blocks of the coreset",
+    "points": "integer|null: weighted points that were written; null for a coreset",
+    "rmse": "number: RMSE of the best line of each block, in metres",
+    "largest": "number: largest cost of a block's best line, in square metres",
+    "k": "integer|null: segments for which eps holds",
+    "eps_asked": "number|null: the eps that was asked for",
+    "eps": "number|null: share by which the cost of k segments is known; null if nothing is",
+    "least_cost": "number|null: least cost of any k segments, in square metres",
+    "uneven_blocks": "integer: blocks of uneven times",
+    **_READ,
+}
+
+_NETWORK: Fields = {
+    "bytes": "integer: size of the file",
+    "seconds": "number: time on the clock",
+    "roads": "integer: roads",
+    "nodes": "integer: nodes",
+    "length": "number: length of all roads in metres",
+    "one_way": "integer: roads that may be travelled one way only",
+    "with_speed": "integer: roads with a speed",
+    "components": "integer: connected components",
+    "geographic": "boolean: whether coordinates are latitude and longitude",
+    **_REPAIRS,
+}
+
+_FORMATS: Fields = {
+    "logs": _list(
+        _object(
+            {
+                "name": "string: for --format",
+                "suffixes": _list("string: such as .csv", "suffixes of its files"),
+                "about": "string: what is read",
+                "write": "boolean: whether it can be written",
+                "extra": "string|null: extra that it needs",
+            }
+        ),
+        "formats of logs",
+    ),
+    "maps": _list("string: a suffix", "formats of maps that can be written"),
+    "networks": _list("string: a suffix", "formats of roads that can be read"),
+}
+
+_PLOT: Fields = {
+    "kind": "string: what was drawn",
+    "width_mm": "number: width of the picture",
+    "height_mm": "number: height of the picture",
+}
+
+#: Of a log that was read as well, what that lost. Without a log, these fields are missing.
+_VIEW_LOG: Fields = {
+    "points": "integer: samples of the log",
+    "points_drawn": "integer: samples that the page holds",
+    **_READ,
+}
+
+_ARCHIVE: Fields = {
+    **_OUTPUT,
+    "tracks": "integer: tracks in it",
+    "bytes": "integer: its size",
+}
+
+#: What select and split wrote.
+_PARTS: Fields = {
+    "tracks": "integer: tracks of the whole archive",
+    "parts": _list(_object(_ARCHIVE), "archives that were written"),
+}
+
+#: Fields of each command's output, and those that may be missing.
+_OUTPUTS: dict[str, tuple[Fields, Fields]] = {
+    "compress": ({**_OUTPUT, **_COMPRESSION}, {}),
+    "compress --dry-run": (_DRY_RUN, {}),
+    "decompress": (
+        {
+            **_OUTPUT,
+            "pieces": "integer: pieces of tracks, or tracks",
+            "points": "integer: positions that were written",
+        },
+        {},
+    ),
+    "map": ({**_OUTPUT, "edges": "integer: edges that were written"}, {}),
+    "plot": ({**_OUTPUT, **_PLOT}, _READ),
+    "coreset": ({**_OUTPUT, **_CORESET}, {}),
+    "network": ({**_OUTPUT, **_NETWORK}, {}),
+    "match": ({**_OUTPUT, **_MATCH}, {}),
+    "patch": ({**_OUTPUT, **_PATCH}, {}),
+    "merge": ({**_OUTPUT, **_MERGE}, {}),
+    "view": ({**_OUTPUT, "bytes": "integer: size of the page"}, _VIEW_LOG),
+    "join": (_ARCHIVE, {}),
+    "select": (_PARTS, {}),
+    "split": (_PARTS, {}),
+    "info": (_INFO, _DETAIL),
+    "verify": (
+        {
+            "archive": "string: the file",
+            "whole": {"const": True, "description": "a corrupt archive is an error"},
+            "bytes": "integer: its size",
+            "tracks": "integer: tracks",
+            "knots": "integer: knots of all walks",
+        },
+        {},
+    ),
+    "recover": (
+        {
+            **_OUTPUT,
+            "tracks": "integer: tracks that were saved",
+            "lost": _list("string: a part", "what could not be saved"),
+        },
+        {},
+    ),
+    "warm": ({"seconds": "number: time on the clock"}, {}),
+    "demo": (
+        {
+            "folder": "string: where the files are",
+            "written": _list("string: a file", "what was written"),
+            **_COMPRESSION,
+        },
+        {},
+    ),
+    "formats": (_FORMATS, {}),
+}
+
+#: Schema of what an error prints on standard error.
+ERROR: Schema = {
+    "$schema": _DRAFT,
+    "title": "gpszip: an error",
+    **_object(
+        {
+            "error": _object(
+                {
+                    "kind": "string: name of the exception",
+                    "message": "string: where, what is wrong, and what to do",
+                    "exit_code": "integer: exit code of the command",
+                }
+            )
+        }
+    ),
+}
+
+#: Schema of what each command prints, by its name.
+SCHEMAS: dict[str, Schema] = {
+    name: {"$schema": _DRAFT, "title": f"gpszip {name} --json", **_object(fields, "", optional)}
+    for name, (fields, optional) in _OUTPUTS.items()
+}

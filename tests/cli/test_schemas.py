@@ -1,0 +1,135 @@
+"""What every command prints with --json has the form that its schema says."""
+
+import json
+
+import click
+import pytest
+from jsonschema import Draft202012Validator
+
+from gpszip.cli.main import cli
+from gpszip.cli.schemas import ERROR, SCHEMAS
+
+ROADS = {
+    "type": "FeatureCollection",
+    "gpszip": {"coordinates": "metres"},
+    "features": [
+        {
+            "type": "Feature",
+            "properties": {"id": f"s{number}"},
+            "geometry": {"type": "LineString", "coordinates": line},
+        }
+        for number, line in enumerate(
+            [[[0, 0], [40, 0]], [[40, 0], [40, 30]], [[40, 30], [0, 30]], [[0, 30], [0, 0]]]
+        )
+    ],
+}
+
+
+@pytest.fixture
+def files(log, archive, gpszip, tmp_path):
+    """A log on the square of some roads, an archive of it, and others."""
+    (tmp_path / "roads.geojson").write_text(json.dumps(ROADS))
+    assert gpszip("compress walk.csv --rmse 1 --effort 1").code == 0
+    # A log with a gap, with rows that are dropped, and with columns.
+    header, *rows = log.read_text().splitlines()
+    rows = [f"{row},note" for number, row in enumerate(rows) if not 60 <= number < 90]
+    rows[3] = "nonsense,1,1,note"
+    (tmp_path / "rough.csv").write_text("\n".join([f"{header},about", *rows, rows[-1]]))
+    (tmp_path / "bad.gpx").write_text("<gpx><trk>")
+
+
+def check(output, command):
+    Draft202012Validator(SCHEMAS[command]).validate(output)
+
+
+#: Commands, with exit code 0 unless another is named.
+COMMANDS = [
+    "compress walk.csv -o out.gpsz --rmse 1 --effort 1",
+    "compress walk.csv -o out.gpsz --effort 1 --keep-times",
+    "compress rough.csv bad.gpx -o out.gpsz --rmse 1 --effort 1 --skip-bad",
+    "decompress walk.gpsz -o out.csv",
+    "map walk.gpsz -o out.geojson",
+    "plot walk.gpsz -o out.svg",
+    "plot walk.gpsz --raw walk.csv -o out.svg",
+    "coreset rough.csv -o out.parquet --size 9",
+    "coreset walk.csv -o out.csv --size 9 --k 4 --points",
+    "network roads.geojson -o out.gpsz --metres",
+    "match rough.csv --network roads.geojson -o out.geojson",
+    "patch rough.csv --network roads.geojson -o out.csv --gap 10s",
+    "merge walk.gpsz two.gpsz -o out.gpsz --deviation 1",
+    "select two.gpsz --track a -o out.gpsz",
+    "split two.gpsz --by track -o parts",
+    "join two.gpsz -o out.gpsz",
+    "view walk.gpsz -o out.html",
+    "view walk.gpsz --raw rough.csv -o out.html",
+    "info walk.gpsz",
+    "info two.gpsz --detail",
+    "verify walk.gpsz",
+    "recover walk.gpsz -o out.gpsz",
+    "formats",
+    "demo --out demo --points 200",
+]
+
+
+@pytest.mark.parametrize("words", COMMANDS)
+def test_the_output_of_a_command_has_the_form_of_its_schema(gpszip, files, words):
+    if "merge" in words:
+        # Archives have tracks of different names.
+        assert gpszip("compress walk.csv -o walk.gpsz --rmse 1 --effort 1 --force").code == 0
+    run = gpszip(f"{words} --json")
+    assert run.code == (3 if "--skip-bad" in words else 0), run.err
+    check(run.json, words.split()[0])
+
+
+def test_a_dry_run_has_a_schema_of_its_own(gpszip, files):
+    for options in ("--rmse 1", "--bytes 90", "--k 4 --m 2", "--no-times"):
+        run = gpszip(f"compress rough.csv -o out.gpsz --effort 1 {options} --dry-run --json")
+        assert run.code == 0, run.err
+        check(run.json, "compress --dry-run")
+
+
+def test_json_on_standard_error_has_the_same_form(gpszip, files):
+    run = gpszip("decompress walk.gpsz -o - --json")
+    check(json.loads(run.err), "decompress")
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["info none.gpsz", "info walk.csv", "compress walk.csv --rmse none", "compress", "nonsense"],
+)
+def test_errors_have_a_form_too(gpszip, files, words):
+    run = gpszip(f"{words} --json")
+    assert run.code != 0
+    assert run.out == ""
+    found = json.loads(run.err)
+    Draft202012Validator(ERROR).validate(found)
+    assert found["error"]["exit_code"] == run.code
+
+
+def takes_json(command):
+    found = cli.get_command(click.Context(cli), command)
+    return any("--json" in parameter.opts for parameter in found.params)
+
+
+def test_every_command_with_json_has_a_schema_and_is_tested():
+    # What cat prints with --json is an error alone: its rows are data.
+    with_json = {name for name in cli.list_commands(None) if takes_json(name)} - {"cat"}
+    assert with_json == {name for name in SCHEMAS if " " not in name}
+    # What warm prints needs no kernels to be compiled by a test.
+    assert with_json - {words.split()[0] for words in COMMANDS} == {"warm"}
+
+
+@pytest.mark.parametrize("name", SCHEMAS)
+def test_schemas_are_valid_and_describe_every_field(name):
+    schema = SCHEMAS[name]
+    Draft202012Validator.check_schema(schema)
+    for field, described in schema["properties"].items():
+        assert described.get("description"), field
+
+
+def test_a_field_that_is_unknown_or_missing_is_found():
+    validator = Draft202012Validator(SCHEMAS["map"])
+    assert validator.is_valid({"output": "a", "edges": 1})
+    assert not validator.is_valid({"output": "a"})
+    assert not validator.is_valid({"output": "a", "edges": 1, "more": 2})
+    assert not validator.is_valid({"output": "a", "edges": 1.5})
