@@ -15,6 +15,7 @@ from typing import BinaryIO, TypeAlias
 import pyarrow as pa
 
 from gpszip.errors import InputError
+from gpszip.io.frames.source import FRAME_FORMAT, FrameSource
 from gpszip.io.logs.formats import format_for_reading, format_named, is_bundle
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches, LogFormat
 from gpszip.io.logs.plausibility import check_plausible
@@ -141,7 +142,7 @@ def _open_log_file(
     # An error is kept with its file. Raised here, it would end the generator, and with it the files
     # after this one.
     try:
-        chosen = format_for_reading(source) if format_ is None else format_named(format_)
+        chosen = _choose_format(source, format_)
         opened = None
         if in_batches and chosen.read_batches is not None:
             opened = chosen.read_batches(source, request)
@@ -153,6 +154,13 @@ def _open_log_file(
         return LogFile(
             source, request, error=InputError(f"can't be read: {reason}", path=source.name)
         )
+
+
+def _choose_format(source: Source, format_: str | None) -> LogFormat:
+    """Return the format that the user states, or that the content of a file has."""
+    if isinstance(source, FrameSource):
+        return FRAME_FORMAT
+    return format_for_reading(source) if format_ is None else format_named(format_)
 
 
 def refuse_mismatches(files: Iterable[LogFile]) -> list[LogFile]:
