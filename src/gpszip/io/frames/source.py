@@ -108,13 +108,10 @@ def frame_sources(frames: Sequence[Any]) -> list[FrameSource]:
     >>> [source.name for source in frame_sources([{"t": [0]}, {"t": [1]}])]
     ['dict-1', 'dict-2']
     """
-    numbers = (
-        [f"-{i}" for i in range(1, len(frames) + 1)] if len(frames) > 1 else [""] * len(frames)
-    )
-    return [
-        FrameSource(f"{type(frame).__name__}{number}", frame=frame)
-        for frame, number in zip(frames, numbers, strict=True)
-    ]
+    names = [type(frame).__name__ for frame in frames]
+    if len(frames) > 1:
+        names = [f"{name}-{number}" for number, name in enumerate(names, 1)]
+    return [FrameSource(name, frame=frame) for name, frame in zip(names, frames, strict=True)]
 
 
 def _store(frame: Any, path: Path, name: str) -> StoredFrame:
