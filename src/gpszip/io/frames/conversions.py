@@ -11,15 +11,22 @@ import numpy as np
 import pyarrow as pa
 
 from gpszip.errors import MissingExtraError, OptionError
+from gpszip.geo.crs import METRES
 from gpszip.io.frames.track_tables import Piece, build_table
 from gpszip.io.logs.track_rows import densified_rows, metre_decimals, track_rows
-from gpszip.model import Track
+from gpszip.io.maps.graph import edge_frame, node_frame, to_graph
+from gpszip.io.maps.table import learned_table
+from gpszip.io.maps.write import write_map
+from gpszip.model import CleanMap, RoadMap, Track
 from gpszip.model.error_bound import writing_error
 from gpszip.model.timestamps import Times
 
 __all__ = [
     "archive_to_arrow",
     "import_package",
+    "map_to_geopandas",
+    "map_to_networkx",
+    "save_map",
     "to_geopandas",
     "to_movingpandas",
     "to_pandas",
@@ -29,9 +36,6 @@ __all__ = [
 
 #: Coordinate system of a log in degrees.
 _DEGREES = "EPSG:4326"
-
-#: Coordinate system of a log in x and y. Without one, programs ask where it is on the earth.
-METRES = 'LOCAL_CS["metres",UNIT["metre",1]]'
 
 #: Column that names the trajectories of movingpandas.
 _TRAJECTORY_ID = "traj_id"
@@ -190,3 +194,26 @@ def _trajectory_names(table: Any) -> Any:
         [f"{n}/{i}" if n in has_several else n for n, i in zip(ids, pieces, strict=True)],
         pa.string(),
     )
+
+
+# Maps
+
+
+def map_to_networkx(learned: RoadMap | CleanMap) -> Any:
+    """Return a map as a graph, see :meth:`gpszip.RoadMap.to_networkx`."""
+    return to_graph(
+        learned_table(learned),
+        import_package("networkx"),
+        import_package("shapely", extra="networkx"),
+    )
+
+
+def map_to_geopandas(learned: RoadMap | CleanMap) -> tuple[Any, Any]:
+    """Return nodes and edges of a map, see :meth:`gpszip.RoadMap.to_geopandas`."""
+    geopandas, table = import_package("geopandas"), learned_table(learned)
+    return node_frame(table, geopandas), edge_frame(table, geopandas)
+
+
+def save_map(learned: RoadMap | CleanMap, path: str, *, force: bool) -> None:
+    """Write a map to a file, see :meth:`gpszip.RoadMap.save`."""
+    write_map(learned, path, force=force)
