@@ -53,6 +53,16 @@ def test_pandas_with_missing_values_of_all_kinds():
     assert [(repair.count, repair.where) for repair in result.repairs] == [(2, "DataFrame: row 1")]
 
 
+def test_pandas_periods_are_no_times():
+    pd = package("pandas")
+    frame = pd.DataFrame(columns())
+    frame["time"] = frame["time"].dt.to_period("s")
+    with pytest.raises(InputError, match="column 'time' holds periods, not times"):
+        gpszip.read(frame)
+    frame["time"] = frame["time"].dt.to_timestamp()
+    check(gpszip.read(frame))
+
+
 def test_pandas_refuses_two_columns_of_one_name():
     pd = package("pandas")
     frame = pd.DataFrame([[0, 1.0, 2.0, 3.0]], columns=["t", "x", "y", "x"])

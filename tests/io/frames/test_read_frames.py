@@ -195,6 +195,15 @@ def test_an_error_of_a_stream_is_an_input_error():
         gpszip.read(pa.RecordBatchReader.from_batches(schema, failing()))
 
 
+def test_a_damaged_table_is_refused():
+    # The second text ends before it begins.
+    offsets, text = pa.py_buffer(np.array([0, 2, 1], np.int32)), pa.py_buffer(b"ab")
+    names = pa.StringArray.from_buffers(2, offsets, text)
+    table = pa.table({"track_id": names, "t": [0, 1], "x": [0, 1], "y": [0, 1]})
+    with pytest.raises(InputError, match="Table: can't be read"):
+        gpszip.read(table)
+
+
 def test_tracks_and_frames_are_not_mixed():
     track = gpszip.Track("a", [0, 1], [[0, 0], [1, 0]])
     with pytest.raises(OptionError, match="tracks and logs"):
@@ -423,6 +432,7 @@ def test_native_lines_are_shapes():
         ([POINTS[0], POINTS[1][:11]], "geoarrow.wkb", "row 1: holds a damaged geometry"),
         ([line((1, 2), (3, 4))[:-5]], "geoarrow.wkb", "can't be read"),
         ([b"x"], "geoarrow.polygon", "holds geometries as geoarrow.polygon"),
+        ([b"x"], "geoarrow.point", "can't be read"),
         ([POINTS[0]], "geoarrow.wkb", None),
     ],
 )

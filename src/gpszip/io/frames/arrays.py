@@ -55,15 +55,22 @@ def to_arrow(values: Any, name: str, where: str) -> Any:
         if isinstance(values, np.ndarray):
             column = _from_numpy(values, name, where)
         elif hasattr(values, "__arrow_c_stream__"):
-            column = _from_stream(values)
+            column = _from_stream(values, name, where)
         else:
             column = pa.array(values, from_pandas=True)
     return column if isinstance(column, pa.ChunkedArray) else pa.chunked_array([column])
 
 
-def _from_stream(values: Any) -> Any:
-    # pandas marks missing values by NaN, which its own conversion turns into null.
+def _from_stream(values: Any, name: str, where: str) -> Any:
+    # pandas marks missing values by NaN, which its own conversion turns into null. Arrow would take
+    # a period for its number, such as that of a day, which is no time in seconds.
     if type(values).__module__.startswith("pandas"):
+        if str(values.dtype).startswith("period"):
+            raise InputError(
+                f"column {name!r} holds periods, not times",
+                path=where,
+                remedy=f"frame[{name!r}].dt.to_timestamp()",
+            )
         return pa.array(values, from_pandas=True)
     return pa.chunked_array(values)
 

@@ -54,7 +54,8 @@ def are_lines(cells: Any, encoding: str, frame: str, column: str) -> bool:
     # Arrow's own types hold one kind.
     if encoding != "wkb":
         return encoding == "linestring"
-    types = parse_wkb_points(_storage(cells)).types
+    with frame_errors(frame, column):
+        types = parse_wkb_points(_storage(cells)).types
     is_line = np.isin(types, _LINE_TYPES)
 
     # Name the first geometry that doesn't fit.

@@ -49,6 +49,9 @@ def stream_batches(reader: Any, where: str) -> Iterator[Any]:
     while True:
         with frame_errors(where):
             batch = next(reader, None)
+            # A batch that came from a damaged file could crash the process.
+            if batch is not None:
+                batch.validate(full=True)
         if batch is None:
             return
         yield batch
