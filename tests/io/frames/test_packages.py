@@ -140,6 +140,13 @@ def test_geopandas_with_empty_points():
     assert [repair.count for repair in result.repairs] == [4]
 
 
+def test_geopandas_with_some_heights():
+    gpd = package("geopandas")
+    cells = gpd.GeoSeries.from_wkt(["POINT Z (11 48 500)", "POINT (11.1 48)"] * 3, crs=4326)
+    track = gpszip.read(points().set_geometry(cells), keep="alt")[0]
+    assert np.array_equal(track.attributes["alt"], [500, np.nan, 500], equal_nan=True)
+
+
 def test_movingpandas():
     mpd = package("movingpandas")
     frame = points().drop(columns="lat")

@@ -410,6 +410,19 @@ def test_lines_are_shapes_named_by_their_rows():
     assert "t" in result.dropped_columns
 
 
+@pytest.mark.parametrize("kind", ["points", "lines"])
+def test_geometries_of_a_stream_stay_of_one_kind(tmp_path, kind):
+    far = [line((1, 2), (3, 4)) for _ in range(6)]
+    table = with_geometry(POINTS if kind == "points" else far)
+    both = [*table.to_batches(), *with_geometry(far if kind == "points" else POINTS).to_batches()]
+    (source,) = frame_sources([pa.RecordBatchReader.from_batches(table.schema, both)])
+    with (
+        pytest.raises(InputError, match="column 'where'"),
+        store_logs([source.stored_at(tmp_path / "stream")], rows=1000),
+    ):
+        pass
+
+
 def test_native_lines_are_shapes():
     cells = [
         [{"x": 11.0, "y": 48.0}, {"x": 11.1, "y": 48.0}],

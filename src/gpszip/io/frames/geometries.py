@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -15,7 +15,7 @@ from gpszip.io.frames.stream import frame_errors
 from gpszip.io.networks.lines import within_globe
 from gpszip.io.networks.wkb import WkbLines, parse_wkb_lines, parse_wkb_points
 
-__all__ = ["are_lines", "in_log_coordinates", "is_on_earth", "read_lines", "read_points"]
+__all__ = ["PointCells", "in_log_coordinates", "is_on_earth", "read_lines", "read_points"]
 
 #: Names of the types of well-known binary, from 1 on.
 _TYPE_NAMES = (
@@ -34,8 +34,23 @@ _LINE_TYPES = (2, 5)
 Floats = NDArray[np.float64]
 
 
-def are_lines(cells: Any, encoding: str, frame: str, column: str) -> bool:
-    """Whether geometries are lines rather than points.
+class PointCells(NamedTuple):
+    """Cells of a column of geometries.
+
+    Parameters
+    ----------
+    points : float64 array, shape (n, 3)
+        x, y and z of points; NaN for what a point has not, and for lines.
+    are_lines : bool
+        Whether all geometries are lines.
+    """
+
+    points: Floats
+    are_lines: bool
+
+
+def read_points(cells: Any, encoding: str, frame: str, column: str) -> PointCells:
+    """Read points, and find out whether the geometries are lines instead.
 
     Parameters
     ----------
@@ -46,30 +61,34 @@ def are_lines(cells: Any, encoding: str, frame: str, column: str) -> bool:
     frame, column : str
         Names for messages.
 
+    Returns
+    -------
+    PointCells
+
     Raises
     ------
     InputError
         If there are points and lines, or anything else.
     """
     # Arrow's own types hold one kind.
-    if encoding != "wkb":
-        return encoding == "linestring"
     with frame_errors(frame, column):
-        types = parse_wkb_points(_storage(cells)).types
-    is_line = np.isin(types, _LINE_TYPES)
+        if encoding == "linestring":
+            return PointCells(np.full((len(cells), 3), np.nan), are_lines=True)
+        if encoding == "point":
+            return PointCells(_native_points(_storage(cells)), are_lines=False)
+        points, types = parse_wkb_points(_storage(cells))
 
     # Name the first geometry that doesn't fit.
+    is_line = np.isin(types, _LINE_TYPES)
     is_other = ~is_line & (types != 0) & (types != 1)
     if not is_other.any() and not (is_line.any() and (types == 1).any()):
-        return bool(is_line.any())
+        return PointCells(points, bool(is_line.any()))
     row = int((is_other if is_other.any() else is_line).argmax())
-    found = _type_name(int(types[row]))
-    remedy = "keep the points, or the lines, alone"
     raise InputError(
-        f"holds a {found}" + ("" if is_other.any() else " beside points"),
+        f"holds a {_type_name(int(types[row]))}" + ("" if is_other.any() else " beside points"),
         path=frame,
         location=f"column {column!r}: row {row}",
-        remedy=remedy,
+        remedy="keep the points, or the lines, alone",
     )
 
 
@@ -79,32 +98,8 @@ def _type_name(kind: int) -> str:
     return _TYPE_NAMES[kind - 1] if kind <= len(_TYPE_NAMES) else f"geometry of type {kind}"
 
 
-def read_points(cells: Any, encoding: str, frame: str, column: str) -> Floats:
-    """Read points.
-
-    Parameters
-    ----------
-    cells, encoding, frame, column
-        As for :func:`are_lines`.
-
-    Returns
-    -------
-    float64 array, shape (n, 3)
-        x, y and z; NaN for what a point has not.
-
-    Raises
-    ------
-    InputError
-        If a geometry is no point.
-    """
-    with frame_errors(frame, column):
-        if encoding == "point":
-            return _native_points(_storage(cells))
-        return parse_wkb_points(_storage(cells)).points
-
-
 def read_lines(cells: Any, encoding: str, frame: str, column: str) -> WkbLines:
-    """Read lines; parameters as for :func:`are_lines`.
+    """Read lines; parameters as for :func:`read_points`.
 
     Raises
     ------

@@ -13,7 +13,7 @@ import pyarrow as pa
 from gpszip.errors import InputError
 from gpszip.io.frames.columns import FrameColumns
 from gpszip.io.frames.geometries import (
-    are_lines,
+    PointCells,
     in_log_coordinates,
     is_on_earth,
     read_lines,
@@ -78,15 +78,29 @@ class _Plan:
         """Return a column of the frame from a table that was read."""
         return table.column(self.read.index(index))
 
-    def used_columns(self, table: Any) -> list[Any]:
-        """Return the columns of ``roles.used`` from a table that was read."""
+    def geometries(self, table: Any) -> PointCells | None:
+        """Return the geometries of a table that was read; None for a frame without."""
         if self.geometry is None:
+            return None
+        cells, name = self.column(table, self.geometry.number), self.names[self.geometry.number]
+        return read_points(cells, self.geometry.encoding, self.where, name)
+
+    def used_columns(self, table: Any, geometries: PointCells | None) -> list[Any]:
+        """Return the columns of ``roles.used`` from a table that was read.
+
+        Raises
+        ------
+        InputError
+            If these rows hold lines, and those before them points.
+        """
+        if self.geometry is None or geometries is None:
             return [self.column(table, i) for i in self.roles.used]
+        name = self.names[self.geometry.number]
+        if geometries.are_lines:
+            raise InputError(f"column {name!r} holds points, then lines", path=self.where)
 
         # Coordinates of the geometries follow the columns of the frame.
-        cells, name = self.column(table, self.geometry.number), self.names[self.geometry.number]
-        points = read_points(cells, self.geometry.encoding, self.where, name)
-        positions = in_log_coordinates(points, self.geometry.crs, self.where, name)
+        positions = in_log_coordinates(geometries.points, self.geometry.crs, self.where, name)
         return [
             self.column(table, i)
             if i < self.count
@@ -134,11 +148,12 @@ def read_frame(source: FrameSource, request: Request) -> RawLog:
         raise InputError("columns, but no rows", path=source.name)
 
     # The geometries show whether they are points.
-    plan = _complete_plan(plan, table, request)
+    geometries = plan.geometries(table)
+    plan = _complete_plan(plan, geometries, request)
     if plan.has_lines:
         return _read_shapes(plan, table)
     raw = build_raw_log(
-        plan.used_columns(table),
+        plan.used_columns(table, geometries),
         plan.names,
         plan.roles,
         request,
@@ -174,7 +189,7 @@ def read_frame_batches(source: FrameSource, request: Request) -> LogBatches | No
     first = next((table for table in columns.read(plan.read) if table.num_rows), None)
     if first is None:
         raise InputError("columns, but no rows", path=source.name)
-    plan = _complete_plan(plan, first, request)
+    plan = _complete_plan(plan, plan.geometries(first), request)
     if plan.has_lines:
         return None
     batches = interpret_batches(_FrameReader(columns, plan), request)
@@ -210,7 +225,8 @@ class _FrameReader:
         """Yield all rows."""
         names = [str(i) for i in self.plan.roles.used]
         for table in self.columns.read(self.plan.read):
-            yield TableBatch(pa.table(self.plan.used_columns(table), names=names))
+            columns = self.plan.used_columns(table, self.plan.geometries(table))
+            yield TableBatch(pa.table(columns, names=names))
 
     def read_as_text(self) -> Iterator[Any]:
         """Yield all rows as tables, with the types that the frame has."""
@@ -241,28 +257,21 @@ def _make_plan(columns: FrameColumns, request: Request, where: str) -> _Plan:
     return _Plan(where, all_names, len(names), roles, read, geometry)
 
 
-def _complete_plan(plan: _Plan, table: Any, request: Request) -> _Plan:
+def _complete_plan(plan: _Plan, geometries: PointCells | None, request: Request) -> _Plan:
     """Find the roles that only the geometries show: whether these are lines, or have heights."""
-    if plan.geometry is None:
+    if plan.geometry is None or geometries is None:
         return plan
-    geometry, name = plan.geometry, plan.names[plan.geometry.number]
-    cells = plan.column(table, geometry.number)
-    has_lines = are_lines(cells, geometry.encoding, plan.where, name)
 
     # Lines have no heights here, and no times.
-    has_heights = False
-    if not has_lines:
-        points = read_points(cells, geometry.encoding, plan.where, name)
-        has_heights = bool(np.isfinite(points[:, 2]).any())
     names, roles = _roles_of_geometry(
         plan.names[: plan.count],
-        geometry,
+        plan.geometry,
         request,
         plan.where,
-        times=request.times and not has_lines,
-        has_heights=has_heights,
+        times=request.times and not geometries.are_lines,
+        has_heights=bool(np.isfinite(geometries.points[:, 2]).any()),
     )
-    return replace(plan, names=names, roles=roles, has_lines=has_lines)
+    return replace(plan, names=names, roles=roles, has_lines=geometries.are_lines)
 
 
 def _wanted_geometry(

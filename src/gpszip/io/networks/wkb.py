@@ -117,12 +117,16 @@ def parse_wkb_points(geometries: Any) -> WkbPoints:
         return WkbPoints(points, types)
 
     # Geometries have few different headers: parse all of one header at once.
-    headers = data[starts[:-1][whole, None] + np.arange(_POINT_HEADER_BYTES)]
-    distinct, number = np.unique(headers, axis=0, return_inverse=True)
-    for i, header in enumerate(distinct):
-        rows = whole[number.reshape(-1) == i]
-        order = "<" if header[0] == 1 else ">"
-        (kind,) = struct.unpack(order + "I", header[1:].tobytes())
+    # As numbers, headers take a tenth of the time to sort.
+    bits = 8 * np.arange(_POINT_HEADER_BYTES)
+    headers = (
+        data[starts[:-1][whole, None] + np.arange(_POINT_HEADER_BYTES)].astype(np.int64) << bits
+    )
+    distinct, number = np.unique(headers.sum(axis=1), return_inverse=True)
+    for i, header in enumerate(distinct.tolist()):
+        rows = whole[number == i]
+        order = "<" if header % 256 == 1 else ">"
+        (kind,) = struct.unpack(order + "I", (header // 256).to_bytes(4, "little"))
         types[rows] = kind % _TYPE_LIMIT % 1000
         if kind % _TYPE_LIMIT % 1000 != _POINT:
             continue
