@@ -423,6 +423,27 @@ def test_geometries_of_a_stream_stay_of_one_kind(tmp_path, kind):
         pass
 
 
+def test_columns_of_lines_are_kept_at_their_vertices():
+    frame = with_geometry([line((11, 48), (11.1, 48)), line((11, 49), (11.1, 49), (11.2, 49))])
+    frame = frame.append_column("lanes", pa.array([2, 4]))
+    result = gpszip.read(frame, keep="lanes")
+    assert [track.attributes["lanes"].tolist() for track in result] == [[2, 2], [4, 4, 4]]
+    assert result.dropped_columns == ("t",)
+
+
+def test_empty_lines_are_dropped():
+    with pytest.warns(gpszip.LossWarning):
+        result = gpszip.read(
+            with_geometry([line((11, 48), (11.1, 48)), struct.pack("<BII", 1, 2, 0)])
+        )
+    assert [(track.id, len(track)) for track in result] == [("bus", 2)]
+    assert [(repair.what, repair.count) for repair in result.repairs] == [
+        ("rows without a line dropped", 1)
+    ]
+    with pytest.raises(InputError):
+        gpszip.read(with_geometry([struct.pack("<BII", 1, 2, 0)]))
+
+
 def test_native_lines_are_shapes():
     cells = [
         [{"x": 11.0, "y": 48.0}, {"x": 11.1, "y": 48.0}],

@@ -278,14 +278,11 @@ def test_lines_of_graphml_lead_from_source_to_target(tmp_path):
 
 def graphml_lines(path):
     space = {"g": "http://graphml.graphdrawing.org/xmlns"}
-    edges = ET.parse(path).getroot().findall(".//g:edge", space)
+    root = ET.parse(path).getroot()
+    key = root.find("g:key[@attr.name='geometry']", space).get("id")
     return [
-        (
-            edge.get("source"),
-            edge.get("target"),
-            edge.find("g:data[@key='edge-geometry']", space).text,
-        )
-        for edge in edges
+        (edge.get("source"), edge.get("target"), edge.find(f"g:data[@key='{key}']", space).text)
+        for edge in root.findall(".//g:edge", space)
     ]
 
 

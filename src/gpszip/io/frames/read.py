@@ -29,7 +29,7 @@ from gpszip.io.logs.table_batches import TableBatch, interpret_batches
 from gpszip.io.tables.given_columns import find_requested_roles, rename_columns
 from gpszip.io.tables.roles import Roles
 from gpszip.io.tables.table import build_raw_log
-from gpszip.io.values.arrow import factorize
+from gpszip.io.values.arrow import factorize, to_attribute
 from gpszip.model.read_result import Repair
 
 __all__ = ["read_frame", "read_frame_batches"]
@@ -327,15 +327,22 @@ def _read_shapes(plan: _Plan, table: Any) -> RawLog:
     geometry, column = plan.geometry, plan.names[plan.geometry.number]
     cells = plan.column(table, geometry.number)
     lines = read_lines(cells, geometry.encoding, plan.where, column)
-    counts = np.diff(lines.offsets)
     points = in_log_coordinates(lines.points, geometry.crs, plan.where, column)
 
-    # Names: those of the rows, or their numbers. Null geometries have no line.
-    names = _line_names(plan, table, lines.rows)
-    repairs: tuple[Repair, ...] = ()
-    if lines.others:
-        repairs = (Repair("rows without a line dropped", lines.others, plan.where),)
-    used = {plan.geometry.number, plan.roles.id}
+    # Names of the lines that have a vertex: null and empty geometries have none.
+    has_vertices = np.diff(lines.offsets) > 0
+    rows, counts = lines.rows[has_vertices], np.diff(lines.offsets)[has_vertices]
+    names = _line_names(plan, table, rows)
+    lost = lines.others + int((~has_vertices).sum())
+    repairs = (Repair("rows without a line dropped", lost, plan.where),) if lost else ()
+
+    # What is kept of a row holds for all vertices.
+    owner = np.repeat(rows, counts)
+    attributes = {}
+    for name, index in plan.roles.keep.items():
+        with frame_errors(plan.where, name):
+            attributes[name] = to_attribute(plan.column(table, index))[owner]
+    used = {plan.geometry.number, plan.roles.id, *plan.roles.keep.values()}
     return RawLog(
         name=plan.where,
         ids=tuple(names),
@@ -343,6 +350,7 @@ def _read_shapes(plan: _Plan, table: Any) -> RawLog:
         times=np.full(len(points), np.nan),
         coordinates=points,
         geographic=is_on_earth(geometry.crs, plan.where),
+        attributes=attributes,
         first=_FIRST_ROW,
         row_noun="point",
         dropped_columns=tuple(

@@ -41,46 +41,40 @@ def write_map_graphml(table: MapTable, path: Path) -> None:
 
 
 def _iterate_xml(table: MapTable) -> Iterator[str]:
-    # Keys: names of attributes
+    # Keys: short names of attributes, as they stand at each edge
     directed = directed_table(table)
     columns = {name: v for name, v in directed.properties.items() if name not in _ENDS}
-    axes = "xyz"[: table.node_positions.shape[1]]
+    node_keys = {name: f"n{i}" for i, name in enumerate("xyz"[: table.node_positions.shape[1]])}
+    shape = ["geometry"] if table.has_shapes else []
+    edge_keys = {name: f"e{i}" for i, name in enumerate([*columns, *shape])}
     yield _HEADER
-    yield _key("graph", "crs")
-    yield from (_key("node", axis) for axis in axes)
-    yield from (_key("edge", name) for name in columns)
-    if table.has_shapes:
-        yield _key("edge", "geometry")
-    yield f'<graph edgedefault="directed">\n{_data("graph", "crs", escape(table.crs))}\n'
+    for element, keys in (("graph", {"crs": "g0"}), ("node", node_keys), ("edge", edge_keys)):
+        for name, key in keys.items():
+            yield f'<key id="{key}" for="{element}" attr.name="{name}" attr.type="string"/>\n'
+    yield f'<graph edgedefault="directed">\n{_data("g0", escape(table.crs))}\n'
 
     # Nodes
     positions = table.node_positions.tolist()
     for node in table.nodes.tolist():
-        data = "".join(_data("node", *pair) for pair in zip(axes, positions[node], strict=True))
+        data = "".join(map(_data, node_keys.values(), positions[node]))
         yield f'<node id="{node}">{data}</node>\n'
 
     # Edges; an attribute that is NaN is left out.
     ends = zip(directed.properties["u"].tolist(), directed.properties["v"].tolist(), strict=True)
-    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    lines = directed.wkt if table.has_shapes else [""] * len(directed)
-    for (source, target), values, line in zip(ends, rows, lines, strict=True):
+    cells = [column.tolist() for column in columns.values()]
+    cells += [directed.wkt] if table.has_shapes else []
+    for (source, target), values in zip(ends, zip(*cells, strict=True), strict=True):
         data = "".join(
-            _data("edge", name, value)
-            for name, value in zip(columns, values, strict=True)
+            _data(key, value)
+            for key, value in zip(edge_keys.values(), values, strict=True)
             if not _is_nan(value)
         )
-        data += _data("edge", "geometry", line) if line else ""
         yield f'<edge source="{source}" target="{target}">{data}</edge>\n'
     yield "</graph>\n</graphml>\n"
 
 
-def _key(element: str, name: str) -> str:
-    """Declare an attribute of nodes or edges; both may have one of the same name."""
-    return f'<key id="{element}-{name}" for="{element}" attr.name="{name}" attr.type="string"/>\n'
-
-
-def _data(element: str, name: str, value: object) -> str:
-    return f'<data key="{element}-{name}">{value}</data>'
+def _data(key: str, value: object) -> str:
+    return f'<data key="{key}">{value}</data>'
 
 
 def _is_nan(value: object) -> bool:
