@@ -18,6 +18,7 @@ from frames import missing_packages
 from gpszip.cli.main import main
 from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.io.logs.write import write_tracks
+from oracle import google
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = ["tutorial.md", "robots.md", "fleets.md", "phones.md", "notebooks.md", "qgis.md"]
@@ -78,6 +79,11 @@ def folder(tmp_path, monkeypatch):
     shutil.copy("rides/0.gpx", "walks/walk.gpx")
     write_tracks([gps_lap("next", number=4)], "next.gpx")
     write_tracks([gps_lap("phone")], "history.csv")
+    phone = [
+        (datetime.fromtimestamp(START + 60 * i, UTC), 52.51 + i % 20 / 1e3, 13.4, 0)
+        for i in range(100)
+    ]
+    Path("Timeline.json").write_bytes(google.encode(google.android(phone)))
     for number, name in enumerate(("patrol", "tomorrow")):
         log = gpszip.Track(*lap("robot", number=number, start=0.0))
         write_tracks([log], f"{name}.csv")

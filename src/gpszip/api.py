@@ -22,6 +22,7 @@ from gpszip.errors import LossWarning, OptionError
 from gpszip.io.frames.recognise import is_frame
 from gpszip.model import Listener, Network, Options, Plane, ReadResult, SegmentMean, Track
 from gpszip.model.log import Log, MemoryLog
+from gpszip.model.selection import make_selection
 from gpszip.model.timestamps import Times
 from gpszip.run.executor import Executor
 
@@ -38,6 +39,7 @@ __all__ = [
     "compress",
     "coreset",
     "decompress",
+    "join",
     "match",
     "merge",
     "open",
@@ -81,6 +83,10 @@ def read(
     heading: bool = False,
     skip_bad: bool = False,
     times: bool = True,
+    tracks: str | Iterable[str] = (),
+    since: Times | None = None,
+    until: Times | None = None,
+    bbox: Sequence[float] | None = None,
 ) -> ReadResult:
     r"""Read tracks from logs: files, or frames of other packages.
 
@@ -95,8 +101,8 @@ def read(
         trajectory of movingpandas, an xarray ``Dataset``, a structured array, or a dict of arrays.
         Messages number its rows from 0.
     format : str, optional
-        Format of files: ``csv``, ``parquet``, ``gpx`` or ``geojson``; found by the content where
-        left out.
+        Format of files: a name that ``gpszip formats`` lists, such as ``csv`` or ``kml``; found by
+        the content where left out.
     columns : str, sequence of str, or mapping of str to str, optional
         ``t,x,y`` names the columns by position, ``t=when,x=east,y=north`` by name.
     time_unit : str, optional
@@ -119,6 +125,14 @@ def read(
         raising.
     times : bool, default True
         Whether a table needs a column of times. If not, the tracks of one without are shapes.
+    tracks : str or iterable of str
+        Names of the tracks to read; all by default.
+    since, until : time, optional
+        From when and until when points are read: ``datetime``, ``numpy.datetime64``, ISO 8601 text,
+        or seconds as the log counts them. Tracks without times are left out.
+    bbox : sequence of four floats, optional
+        The area whose points are read: west, south, east, north in degrees, or x from, y from, x
+        to, y to in metres. A track that leaves it and comes back starts a new track.
 
     Returns
     -------
@@ -131,7 +145,7 @@ def read(
     InputError
         If a log can't be read, or holds no track.
     OptionError
-        If the format, the unit or the columns don't exist.
+        If the format, the unit, the columns or a selected track don't exist.
 
     Warns
     -----
@@ -171,6 +185,7 @@ def read(
         heading=heading,
         skip_bad=skip_bad,
         times=times,
+        selection=make_selection(tracks, since, until, bbox),
     )
     _warn_of_losses(result)
     return result
@@ -534,6 +549,46 @@ def merge(
         opened, options, names=names, executor=executor, progress=progress
     )
     return replace(merged, report=report)
+
+
+def join(archives: Sequence[Archive | ArchiveSource]) -> Archive:
+    """Join archives that lie on one grid, such as parts of one archive; nothing is learned anew.
+
+    Tracks of one id become one, if they follow each other in time. :func:`merge` takes archives on
+    any grid.
+
+    Parameters
+    ----------
+    archives : sequence of Archive, path, bytes or binary file
+        At least one.
+
+    Returns
+    -------
+    Archive
+        It states the largest of the error bounds, if all archives state one of a kind.
+
+    Raises
+    ------
+    OptionError
+        If grids or known maps differ, tracks of one id overlap in time, or archives keep different
+        columns.
+
+    Examples
+    --------
+    >>> lane = Track("lane", range(20), [[abs(t % 8 - 4.0), 0.0] for t in range(20)])
+    >>> archive = compress(lane, max_error=0.1)
+    >>> whole = join([archive.select(until=9), archive.select(since=9)])
+    >>> whole.to_bytes() == archive.to_bytes()
+    True
+    """
+    from gpszip.archive.join import join as join_archives
+
+    opened = [archive if isinstance(archive, Archive) else open(archive) for archive in archives]
+    names = [
+        str(source) if isinstance(source, str | os.PathLike) else f"archive {number}"
+        for number, source in enumerate(archives, 1)
+    ]
+    return join_archives(opened, names=names)
 
 
 def open(source: ArchiveSource, map: Archive | ArchiveSource | None = None) -> Archive:

@@ -159,6 +159,49 @@ GPX = (
 """,
 )
 
+KML = (
+    """<?xml version="1.0" encoding="UTF-8"?>
+<kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2">
+<Document><name>day</name>
+<Placemark><name>walk</name><gx:MultiTrack><gx:Track><altitudeMode>absolute</altitudeMode>
+<when>2024-05-04T08:00:00Z</when><gx:coord>11.5 48.1 500</gx:coord>
+<when>2024-05-04T08:00:10.5Z</when><gx:coord>11.6 48.1 501</gx:coord>
+<gx:angles>90 0 0</gx:angles><gx:angles>91 0 0</gx:angles>
+<ExtendedData><SchemaData><gx:SimpleArrayData name="hr"><gx:value>60</gx:value>
+<gx:value>61</gx:value></gx:SimpleArrayData></SchemaData></ExtendedData></gx:Track>
+<gx:Track><when>2024-05-04T09:00:00Z</when><gx:coord>11.7 48.1</gx:coord></gx:Track>
+</gx:MultiTrack></Placemark>
+<Placemark><LineString><coordinates>11.5,48.1,0 11.6,48.2 11.7,48.3,7</coordinates></LineString>
+</Placemark></Document></kml>
+""",
+    """<kml><Folder><name>bus</name>
+<Placemark><TimeStamp><when>2024-05-04T08:00:00Z</when></TimeStamp><ExtendedData>
+<Data name="hr"><value>3</value></Data></ExtendedData>
+<Point><coordinates>11.5,48.1,500</coordinates></Point></Placemark>
+<Placemark><TimeSpan><begin>2024-05-04T08:01:00Z</begin></TimeSpan>
+<Point><coordinates>11.6,48.1</coordinates></Point></Placemark></Folder></kml>
+""",
+)
+
+TCX = (
+    """<?xml version="1.0" encoding="UTF-8"?>
+<TrainingCenterDatabase xmlns="http://www.garmin.com/xmlschemas/TrainingCenterDatabase/v2"
+ xmlns:e="http://www.garmin.com/xmlschemas/ActivityExtension/v2">
+<Activities><Activity Sport="Running"><Id>2024-05-04T08:00:00Z</Id><Lap><Track>
+<Trackpoint><Time>2024-05-04T08:00:00Z</Time><Position><LatitudeDegrees>48.1</LatitudeDegrees>
+<LongitudeDegrees>11.5</LongitudeDegrees></Position><AltitudeMeters>500</AltitudeMeters>
+<HeartRateBpm><Value>120</Value></HeartRateBpm></Trackpoint>
+<Trackpoint><Time>2024-05-04T08:00:10Z</Time></Trackpoint></Track></Lap><Lap><Track>
+<Trackpoint><Time>2024-05-04T08:00:20.5Z</Time><Position><LatitudeDegrees>48.2</LatitudeDegrees>
+<LongitudeDegrees>11.6</LongitudeDegrees></Position><Extensions><e:TPX><e:Speed>3</e:Speed></e:TPX>
+</Extensions></Trackpoint></Track></Lap></Activity></Activities>
+<Courses><Course><Name>plan</Name><Track><Trackpoint><Position>
+<LatitudeDegrees>48.1</LatitudeDegrees><LongitudeDegrees>11.5</LongitudeDegrees></Position>
+</Trackpoint></Track><CoursePoint><Name>left</Name></CoursePoint></Course></Courses>
+</TrainingCenterDatabase>
+""",
+)
+
 GEOJSON = (
     """{"type": "FeatureCollection", "features": [
 {"type": "Feature", "properties": {"id": "a", "time": "2024-05-04T08:00:00Z", "speed": 3},
@@ -174,6 +217,20 @@ GEOJSON = (
     """{"type": "Feature", "properties": {"times": [[0, 10], [20, 30]]},
  "geometry": {"type": "MultiLineString", "coordinates":
  [[[11.5, 48.1], [11.6, 48.1]], [[11.7, 48.1], [11.8, 48.1]]]}}""",
+)
+
+NMEA = (
+    "".join(
+        f"$GPRMC,2359{t}.00,A,4807.0{t},N,01131.0{t},E,022.4,084.4,23032{t % 2},,\n"
+        f"$GPGGA,2359{t}.00,4807.0{t},N,01131.0{t},E,1,08,0.9,545.4,M,46.9,M,,\n"
+        f"$GNZDA,2359{t}.00,23,03,2021,00,00\n"
+        for t in range(50, 60)
+    ),
+    "$GPRMC,102929.00,A,5327.04024,N,00214.41560,W,0.273,,070321,,,A*62\r\n"
+    "$GPVTG,,T,,M,0.273,N,0.506,K,A*26\r\n"
+    "$GPGGA,102929.00,5327.04024,N,00214.41560,W,1,08,1.16,36.3,M,48.5,M,,*7E\r\n"
+    "$GPGSV,4,4,15,25,05,223,,28,14,049,26,32,10,313,16*4C\r\n"
+    "$GPGLL,5327.04024,N,00214.41560,W,102929.00,A,A*7A\r\n",
 )
 
 ROADS_GEOJSON = (
@@ -238,6 +295,40 @@ TIMES = ("time,note\n0\n10.5,a\n2024-05-04T08:00:00Z\n1714809600\n", "10\n20\n")
 
 def _texts(texts: Sequence[str]) -> Callable[[], Sequence[bytes]]:
     return lambda: [text.encode() for text in texts]
+
+
+@cache
+def _histories() -> Sequence[bytes]:
+    from datetime import UTC, datetime, timedelta
+
+    from oracle import google
+
+    start = datetime(2024, 5, 4, tzinfo=UTC)
+    rows = [(start + timedelta(minutes=i), 48 + i / 1e3, 11.5, 7 + i % 2) for i in range(6)]
+    histories = [
+        google.records(rows),
+        google.old_records(rows),
+        google.android(rows, rows),
+        google.ios(rows),
+        google.edits(rows),
+        google.months(rows),
+    ]
+    return [google.encode(history) for history in histories]
+
+
+@cache
+def _fits() -> Sequence[bytes]:
+    from oracle import fit
+
+    start = 1_700_000_000
+    records = [
+        fit.record(start + i, 48 + i / 1e4, 11, [(3, fit.UINT8, 100 + i)], [(0, i)])
+        for i in range(12)
+    ]
+    described = fit.developer_field("note")
+    ends = fit.session(start, fit.SWIMMING), fit.session(start + 6, fit.RUNNING)
+    ride = fit.fit(fit.file_id(), *described, *records, *ends)
+    return [ride, ride + fit.fit(fit.file_id(fit.COURSE), *described, *records, endian=">")]
 
 
 @cache
@@ -513,13 +604,27 @@ TARGETS = {
         _log("csv", keep=("speed",), clean=True, sort=True), _texts(CSV[1:2])
     ),
     "gpx": Target(_log("gpx", keep=("ele",), split=True), _texts(GPX)),
+    "kml": Target(_log("kml", keep=("ele",), heading=True, split=True), _texts(KML)),
+    "tcx": Target(_log("tcx", keep=("ele",), split=True), _texts(TCX)),
     "geojson": Target(_log("geojson", sort=True), _texts(GEOJSON)),
     "parquet": Target(_log("parquet"), _parquets, mutations.BINARY),
     "parquet, table": Target(_log("parquet"), _parquets, mutations.BINARY, _apply_to_table),
     "csv, stored": Target(_stored(format="csv", clean=True, sort=True), _texts(CSV)),
+    "xml, stored": Target(_stored(split=True), _texts(GPX + KML + TCX)),
     "parquet, stored": Target(_stored(format="parquet"), _parquets, mutations.BINARY),
+    "google": Target(_log("google", skip_bad=True, sort=True, keep=("accuracy",)), _histories),
+    "google, stored": Target(_stored(format="google-paths", split=True), _histories),
+    "fit": Target(_log("fit", skip_bad=True, sort=True, keep=("hr",)), _fits, mutations.BINARY),
+    "nmea": Target(_log("nmea", keep=("alt", "speed"), sort=True), _texts(NMEA)),
+    "nmea, stored": Target(_stored(format="nmea", split=True), _texts(NMEA)),
     "any log": Target(
-        _log(None, skip_bad=True), lambda: [*_texts(CSV + GPX + GEOJSON)(), *_parquets()]
+        _log(None, skip_bad=True),
+        lambda: [
+            *_texts(CSV + GPX + KML + TCX + GEOJSON + NMEA)(),
+            *_histories(),
+            *_fits(),
+            *_parquets(),
+        ],
     ),
     "roads geojson": Target(_network(".geojson"), _texts(ROADS_GEOJSON)),
     "roads graphml": Target(_network(".graphml"), _texts(ROADS_GRAPHML)),

@@ -124,14 +124,14 @@ def test_a_killed_worker_does_not_change_the_result(client):
 
         assert list(shared.map(slow, range(60))) == [2 * x for x in range(60)]
         killer.join()
-    client.wait_for_workers(2, timeout=30)
+    client.wait_for_workers(2, timeout=120)
     assert victim not in client.run(os.getpid).values()
 
 
 def test_an_item_that_kills_every_worker_raises_a_worker_error(client):
     with pytest.raises(WorkerError, match="too little memory"):
         list(Dask(client).map(kill_process_at_three, [3]))
-    client.wait_for_workers(2, timeout=30)
+    client.wait_for_workers(2, timeout=120)
 
 
 def test_archives_and_segment_means_are_the_same_on_every_executor(client, two_processes):

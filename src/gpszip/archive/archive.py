@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,6 @@ from gpszip.archive.facts import count_facts, file_facts
 from gpszip.archive.frames import ArchiveFrames
 from gpszip.archive.pieces import (
     build_pieces,
-    cut_at_gaps,
     pieces_by_track,
     plain_names,
     time_range_of_piece,
@@ -38,10 +37,11 @@ from gpszip.model.merge_report import MergeReport
 from gpszip.model.projection import map_coordinates
 from gpszip.model.report import Report
 from gpszip.model.road_map import RoadMap
+from gpszip.model.selection import make_selection
 from gpszip.model.text import axes_text, count_text
 from gpszip.model.timestamps import Times, format_span, to_seconds, wrong_unit
 from gpszip.model.track import Track
-from gpszip.model.walk import Walk
+from gpszip.model.walk import Walk, cut_at_gaps
 
 if TYPE_CHECKING:
     from gpszip.codec.prior import Prior
@@ -376,6 +376,44 @@ class Archive(ArchiveFrames):
         """Name of the track that each piece belongs to, by the piece names of ``decompress``."""
         return {name: track for track, pieces in self._pieces.items() for name, _ in pieces}
 
+    def select(
+        self,
+        *,
+        tracks: str | Iterable[str] = (),
+        since: Times | None = None,
+        until: Times | None = None,
+        bbox: Sequence[float] | None = None,
+    ) -> Archive:
+        """An archive of some tracks, of a time range or of an area; nothing is learned anew.
+
+        Parameters
+        ----------
+        tracks : str or iterable of str
+            Names of tracks; all by default.
+        since, until : time, optional
+            From when and until when travel counts, given as for :meth:`position`. Tracks without
+            times are left out.
+        bbox : sequence of four floats, optional
+            The area: west, south, east, north in degrees, or x from, y from, x to, y to in metres.
+            A track that leaves it and comes back has a gap in between.
+
+        Returns
+        -------
+        Archive
+            The same knots. It states the largest error if this archive does: a root mean square
+            error need not hold for a part.
+
+        Raises
+        ------
+        UnknownTrackError
+            If there is no such track.
+        OptionError
+            If nothing is selected, or a value is no time or no area.
+        """
+        from gpszip.archive.select import select
+
+        return select(self, make_selection(tracks, since, until, bbox))
+
     def shapes(self) -> list[tuple[str, NDArray[np.float64]]]:
         """Lines of all pieces, without times.
 
@@ -580,10 +618,14 @@ class Archive(ArchiveFrames):
 
     @cached_property
     def _graph(self) -> RoadGraph:
-        """The road map on the grid, where lengths are exact wherever the log lies."""
+        """All segments of the walks on the grid, where lengths are exact wherever the log lies."""
         from gpszip.graph.road_graph import build_road_graph
+        from gpszip.walks.counting import build_road_map
 
-        return build_road_graph(self.grid_walks.nodes, self.road_map.edges)
+        # A segment that lies beyond the time range of its piece is part of the walk, but no travel:
+        # `road_map` doesn't have it.
+        nodes = self.grid_walks.nodes
+        return build_road_graph(nodes, build_road_map(nodes, self.grid_walks.walks).edges)
 
     # Tracks and the groups that hold them.
 
@@ -660,16 +702,22 @@ class Archive(ArchiveFrames):
         if times is None or not len(times) or len(heads) == 1:
             return list(range(len(heads)))
 
-        # A step more on either side than the time range says leaves no doubt about rounding.
-        step, epoch = step_size(self.grid.time), self.grid.epoch / 1000
-        steps = (times - epoch) / step
-        slack = 1 + _TIME_SLACK / step
+        ranges = [self._group_time_range(number) for number in range(len(heads))]
         return [
             number
-            for number, head in enumerate(heads)
-            if head.time_range is None
-            or np.any((steps >= head.time_range[0] - slack) & (steps <= head.time_range[1] + slack))
+            for number, (begin, end) in enumerate(ranges)
+            if np.any((times >= begin) & (times <= end))
         ]
+
+    def _group_time_range(self, number: int) -> tuple[float, float]:
+        """Seconds beyond which a group has no travel; infinite where the index doesn't say it."""
+        steps = group_heads(self.contents)[number].time_range
+        if steps is None:
+            return -math.inf, math.inf
+        # A step more on either side than the index says leaves no doubt about rounding.
+        step, epoch = step_size(self.grid.time), self.grid.epoch / 1000
+        slack = step + _TIME_SLACK
+        return epoch + steps[0] * step - slack, epoch + steps[1] * step + slack
 
     def _time_step_range(self, number: int) -> tuple[int, int] | None:
         """First and last time step of a group; None if none of its tracks has times."""

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.model.grid import Plane
 from gpszip.model.track import Track
-from gpszip.model.walk import Walk
+from gpszip.model.walk import Walk, cut_at_gaps
 
 __all__ = [
     "build_pieces",
     "clip_to_time_range",
-    "cut_at_gaps",
     "measure_shape",
     "pieces_by_track",
     "plain_names",
@@ -74,22 +72,6 @@ def plain_names(id: str, count: int, ids: Container[str]) -> list[str] | None:
     if id.endswith("/") or any(name in ids for name in names):
         return None
     return names
-
-
-def cut_at_gaps(walk: Walk) -> list[slice]:
-    """Knots of each piece of a walk.
-
-    Examples
-    --------
-    >>> walk = Walk("a", np.arange(3, dtype=np.int32), None, np.array([False, True]))
-    >>> cut_at_gaps(walk)
-    [slice(0, 2, None), slice(2, 3, None)]
-    """
-    gaps = walk.gaps.nonzero()[0]
-    if not len(gaps):
-        return [slice(0, len(walk.nodes))]
-    bounds = [0, *(gaps + 1).tolist(), len(walk.nodes)]
-    return [slice(first, after) for first, after in pairwise(bounds)]
 
 
 def time_range_of_piece(walk: Walk, number: int, knots: slice) -> tuple[float, float]:

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.archive.frames import TrackFrames
-from gpszip.archive.pieces import clip_to_time_range, cut_at_gaps, time_range_of_piece
+from gpszip.archive.pieces import clip_to_time_range, time_range_of_piece
 from gpszip.errors import OptionError
 from gpszip.model.text import count_text
 from gpszip.model.timestamps import Times, format_span
 from gpszip.model.track import Track, time_bounds
-from gpszip.model.walk import Walk
+from gpszip.model.walk import Walk, cut_at_gaps
 
 if TYPE_CHECKING:
     from gpszip.archive.archive import Archive

@@ -25,12 +25,14 @@ from gpszip.cli.options import (
     time_order_options,
 )
 from gpszip.cli.outcome import Outcome
+from gpszip.cli.selecting import pop_selection, selection_options
 from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
     from gpszip.model import Listener, Options, Report
     from gpszip.model.log import Log
+    from gpszip.model.selection import Selection
     from gpszip.run.executor import Executor
 
 __all__ = ["command"]
@@ -156,6 +158,7 @@ _BOUND_OPTIONS = {
     help="Which column is what: t=when,x=east,y=north; or names in order, without a header.",
 )
 @time_options
+@selection_options
 @click.option(
     "--keep",
     metavar="COLUMNS",
@@ -193,6 +196,7 @@ def command(
 
     # Refuse what can be refused before the logs are read.
     target = _output_name(target, logs, choices)
+    selection = pop_selection(choices)
     options = _compress_options(choices)
     extended = _archive_to_extend(target, choices)
     known_map = _open_map(choices)
@@ -206,7 +210,7 @@ def command(
     with (
         progress_bar(quiet=quiet or settings.json) as listener,
         open_executor(*_executor_choices(choices)) as executor,
-        _open_log(logs, choices, options, extended or known_map, listener) as log,
+        _open_log(logs, choices, options, selection, extended or known_map, listener) as log,
     ):
         work = _Work(_memory(choices), executor, listener)
         if extended is not None:
@@ -273,6 +277,7 @@ def _open_log(
     logs: tuple[str, ...],
     choices: dict[str, Any],
     options: Options,
+    selection: Selection,
     map: Archive | None,
     listener: Listener | None,
 ) -> AbstractContextManager[Log]:
@@ -296,6 +301,7 @@ def _open_log(
         skip_bad=choices["skip_bad"],
         keep=_kept_columns(choices),
         times=choices["times"],
+        selection=selection,
     )
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,12 +19,14 @@ from gpszip.cli.options import (
     output_option,
 )
 from gpszip.cli.outcome import Outcome
+from gpszip.cli.selecting import pop_selection, select_from, selection_options
 from gpszip.cli.units import DURATION
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
     from gpszip.io.logs.log_format import LogFormat
     from gpszip.model import Track
+    from gpszip.model.selection import Selection
 
 __all__ = ["command"]
 
@@ -50,7 +53,7 @@ __all__ = ["command"]
     is_flag=True,
     help="Write positions at the log's own times, with the columns that --keep kept.",
 )
-@click.option("--track", metavar="ID", help="Only this track.")
+@selection_options
 @click.option(
     "--format",
     "kind",
@@ -62,19 +65,21 @@ __all__ = ["command"]
 @click.pass_obj
 def command(
     settings: Settings,
+    /,
     archive: str,
     target: str | None,
     every: float | None,
     at: str | None,
     samples: bool,
-    track: str | None,
     kind: str | None,
     map_name: str | None,
     force: bool,
+    **selecting: Any,
 ) -> Outcome:
     """Write the tracks of ARCHIVE in one of the formats WRITTEN_LOG_FORMATS.
 
-    The points are knots, between which each track is linear in time.
+    The points are knots, between which each track is linear in time. A track that leaves the area
+    of --bbox and comes back has a gap in between.
     """
     from gpszip.cli.archives import open_archive_file
     from gpszip.cli.output import check_output, print_json, print_status
@@ -88,23 +93,28 @@ def command(
     # Refuse what can be refused before the archive is read.
     target = output_name(target, [archive], ".csv", "walks.csv")
     at_times = _find_times_option(every, at, samples)
+    selection = pop_selection(selecting)
     times = None if at is None else parse_times(at)
     log_format = format_for_writing(target, kind)
     check_output(target, force=force, binary=log_format.is_binary)
 
     # Read.
     untimed: Sequence[str] = ()
-    with open_archive_file(archive, map_name) as source:
+    with open_archive_file(archive, map_name) as whole:
         # Decode within the block, which names the archive where it is damaged.
+        pieces: Mapping[str, str] | None = None
+        source = _select_at_times(whole, selection) if at_times else whole
         if samples:
-            tracks, pieces = _read_samples(source, track), None
+            tracks = _read_samples(source)
+        elif at_times:
+            tracks, pieces = source.sample(every, at=times), source.pieces
         else:
-            tracks, pieces = _read_tracks(source, every, times, track), source.pieces
+            tracks, pieces = _read_knots(source, selection)
         error = writing_error(source.error_bound, geographic=source.grid.plane is not None)
-        if track is None and (every is not None or times is not None):
+        if not selection.tracks and (every is not None or times is not None):
             untimed = source.untimed
     if not tracks:
-        raise OptionError(_explain_empty(archive, track))
+        raise OptionError(_explain_empty(archive))
 
     # Write.
     # Between knots a track is straight on the plane, and a reader of the file takes it as straight
@@ -146,7 +156,20 @@ def _find_times_option(every: float | None, at: str | None, samples: bool) -> st
     return given[0] if given else None
 
 
-def _read_samples(archive: Archive, track: str | None) -> list[Track]:
+def _select_at_times(archive: Archive, selection: Selection) -> Archive:
+    """Return what is selected; a track may be named by its pieces, such as bus/1."""
+    return select_from(archive, replace(selection, tracks=_owners(archive, selection.tracks)))
+
+
+def _owners(archive: Archive, names: Sequence[str]) -> tuple[str, ...]:
+    """Return the tracks of names that may be those of pieces."""
+    if all(name in archive for name in names):
+        return tuple(names)
+    owners = archive.pieces
+    return tuple(dict.fromkeys(owners.get(name, name) for name in names))
+
+
+def _read_samples(archive: Archive) -> list[Track]:
     from gpszip.errors import OptionError
 
     if archive.kept_columns is None:
@@ -154,22 +177,25 @@ def _read_samples(archive: Archive, track: str | None) -> list[Track]:
             "--samples: the archive keeps no times of points",
             remedy="compress the log with --keep-times or --keep",
         )
-    return archive.samples(track)
+    return archive.samples()
 
 
-def _read_tracks(
-    archive: Archive, every: float | None, times: list[float] | None, track: str | None
-) -> list[Track]:
-    """Return knots of all pieces, or positions at the times asked for."""
-    if every is not None or times is not None:
-        return archive.sample(every, at=times, track=track)
-    pieces = archive.decompress()
-    if track is None:
-        return pieces
+def _read_knots(archive: Archive, selection: Selection) -> tuple[list[Track], Mapping[str, str]]:
+    """Return the knots of all pieces that are selected, and the track of each piece."""
+    # Pieces have their names only as long as nothing is cut.
+    if selection.has_times or selection.bbox is not None:
+        from gpszip.archive.select import decompress_selection
 
-    # A user may name a track, or one of its pieces such as bus/1.
-    owners = archive.pieces
-    return [piece for piece in pieces if track in (piece.id, owners[piece.id])]
+        return decompress_selection(archive, selection)
+    pieces, owners = archive.decompress(), archive.pieces
+    if not selection.tracks:
+        return pieces, owners
+    wanted = set(selection.tracks)
+    for name in selection.tracks:
+        if name not in owners:
+            archive.walk(name)  # raises if there is no such track
+    chosen = [piece for piece in pieces if not wanted.isdisjoint((piece.id, owners[piece.id]))]
+    return chosen, owners
 
 
 def _format_warnings(
@@ -183,10 +209,8 @@ def _format_warnings(
     return log_format.describe_losses(list(names), list(tracks[0].attributes))
 
 
-def _explain_empty(archive: str, track: str | None) -> str:
-    if track is None:
-        return (
-            f"{archive}: no travel is known at any of these times; "
-            "gpszip info --detail shows the time range"
-        )
-    return f"{archive}: nothing of a track {track!r}; gpszip info lists the tracks"
+def _explain_empty(archive: str) -> str:
+    return (
+        f"{archive}: no travel is known at any of these times; "
+        "gpszip info --detail shows the time range"
+    )

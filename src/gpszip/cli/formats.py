@@ -44,13 +44,14 @@ def command(settings: Settings) -> Outcome:
 
     # For a person: a table of logs, then the suffixes of maps and of road networks.
     click.echo("logs")
+    width = max(len(log_format.name) for log_format in log_formats()) + 1
     for log_format in log_formats():
         suffixes = " ".join(log_format.suffixes)
         does = "read" if log_format.write is None else "read, write"
         needs = f"; needs gpszip[{log_format.extra}]" if log_format.extra else ""
         about = log_format.description + needs
         # Columns of the table: name, suffixes, what it does, and a description.
-        click.echo(f"  {log_format.name:<9}{suffixes:<22}{does:<13}{about}")
+        click.echo(f"  {log_format.name:<{width}}{suffixes:<22}{does:<13}{about}")
     click.echo(f"maps\n  write    {' '.join(map_suffixes())}")
     click.echo(f"networks\n  read     {' '.join(networks)}")
     return Outcome.DONE

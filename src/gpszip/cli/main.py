@@ -43,6 +43,10 @@ _GARBAGE_THRESHOLDS = (50_000, 20, 50)
 _COMMANDS = (
     "compress",
     "decompress",
+    "cat",
+    "select",
+    "split",
+    "join",
     "map",
     "plot",
     "coreset",

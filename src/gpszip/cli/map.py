@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -17,6 +17,7 @@ from gpszip.cli.options import (
     output_option,
 )
 from gpszip.cli.outcome import Outcome
+from gpszip.cli.selecting import pop_selection, select_from, selection_options
 
 if TYPE_CHECKING:
     from gpszip.model import CleanMap, RoadMap
@@ -37,6 +38,7 @@ __all__ = ["command"]
     metavar="N",
     help="Leave out edges with fewer traversals.",
 )
+@selection_options
 @click.option(
     "--raw", is_flag=True, help="Write nodes and edges as they were learned, without cleaning."
 )
@@ -51,6 +53,7 @@ __all__ = ["command"]
 @click.pass_obj
 def command(
     settings: Settings,
+    /,
     archive: str,
     target: str | None,
     min_traversals: int,
@@ -58,20 +61,24 @@ def command(
     kind: str | None,
     map_name: str | None,
     force: bool,
+    **selecting: Any,
 ) -> Outcome:
     """Write the map of ARCHIVE in one of the formats MAP_FORMATS.
 
-    The map is cleaned: there is one edge for each street, with its number of traversals.
+    The map is cleaned: there is one edge for each street, with its number of traversals. Of a
+    selection, only travel in it counts.
     """
     from gpszip.cli.archives import open_archive_file
     from gpszip.cli.output import check_output, print_json, print_status
     from gpszip.io.maps.write import find_map_format, write_map
 
-    # Read the map.
+    # Read the map, as far as it is asked for.
+    selection = pop_selection(selecting)
     target = output_name(target, [archive], "-map.geojson", "map.geojson")
     map_format = find_map_format(target, kind)
     check_output(target, force=force, binary=map_format.is_binary)
-    with open_archive_file(archive, map_name) as source:
+    with open_archive_file(archive, map_name) as whole:
+        source = select_from(whole, selection)
         learned: RoadMap | CleanMap = (
             source.trimmed_map if raw else source.clean_map(min_traversals)
         )

@@ -23,6 +23,7 @@ from gpszip.cli.options import (
     time_options,
 )
 from gpszip.cli.outcome import Outcome
+from gpszip.cli.selecting import pop_selection, selection_options
 from gpszip.cli.units import DURATION, LENGTH, Quantity, format_count
 
 if TYPE_CHECKING:
@@ -78,6 +79,7 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
     help="Format instead of the one of the output's suffix: ROUTE_FORMATS.",
 )
 @skip_bad_logs
+@selection_options
 @click.option(
     "--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north,heading=course."
 )
@@ -104,6 +106,7 @@ def command(
     dates: str | None,
     quiet: bool,
     force: bool,
+    **selecting: Any,
 ) -> Outcome:
     """Find the roads that every LOG took, and write its routes.
 
@@ -134,6 +137,7 @@ def command(
             # Headings that are ignored need no column.
             heading=heading != math.inf,
             skip_bad=skip_bad,
+            selection=pop_selection(selecting),
         )
         roads = read_network(list(network), near=read_result.tracks)
         matching = match(

@@ -27,7 +27,9 @@ __all__ = [
 
 
 #: The plural with which most descriptions of repairs begin.
-_PLURAL = re.compile(r"^((?:repeated )?(?:row|point|position|outlier|road|feature|track|time))s\b")
+_PLURAL = re.compile(
+    r"^((?:repeated )?(?:row|point|position|outlier|road|feature|track|time|sentence))s\b"
+)
 
 #: Losses that the first line names; JSON names them all.
 _MAX_NAMED = 5

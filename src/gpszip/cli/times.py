@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gpszip.errors import InputError, OptionError
 
-__all__ = ["parse_times"]
+__all__ = ["parse_time", "parse_times"]
 
 
 def parse_times(text: str) -> list[float]:
@@ -35,7 +35,7 @@ def parse_times(text: str) -> list[float]:
     """
     # Try a list first: all words are times, or it is the name of a file.
     words = [word.strip() for word in text.split(",")]
-    times = [_parse_time(word) for word in words]
+    times = [parse_time(word) for word in words]
     valid_times = [time for time in times if time is not None]
     if len(valid_times) == len(words):
         return valid_times
@@ -59,7 +59,7 @@ def _read_times(path: Path) -> list[float]:
     # Further columns are ignored, so that a CSV log can be named. Blank lines don't count, but keep
     # the numbers of lines in messages right.
     rows = [
-        (number, _parse_time(line.split(",")[0].strip()))
+        (number, parse_time(line.split(",")[0].strip()))
         for number, line in enumerate(lines, 1)
         if line.strip()
     ]
@@ -82,7 +82,14 @@ def _read_times(path: Path) -> list[float]:
     return [time for _, time in rows if time is not None]
 
 
-def _parse_time(word: str) -> float | None:
+def parse_time(word: str) -> float | None:
+    """Return one time in seconds, counted from the zero of the log; None if the text is no time.
+
+    Examples
+    --------
+    >>> parse_time("1970-01-01T00:01:00Z"), parse_time("noon")
+    (60.0, None)
+    """
     # Numbers come first: 20240501 is seconds here, though it is an ISO 8601 date as well. "nan" and
     # "inf" are numbers to Python, but no times.
     try:

@@ -11,6 +11,7 @@ from gpszip.cli.completing import complete_files
 from gpszip.cli.options import Settings, common_options, force, map_option, quiet
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.raw_log import CommandWithLogs, raw_log_options, read_raw_log
+from gpszip.cli.selecting import pop_selection, select_from, selection_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,6 +44,7 @@ _PAGE_OF_STDIN = "archive.html"
     help="Roads to show behind everything: NETWORK_FORMATS.",
     shell_complete=complete_files(),
 )
+@selection_options
 @click.option(
     "--match", "is_matched", is_flag=True, help="Show the routes of the log on the roads, too."
 )
@@ -88,6 +90,7 @@ def command(
     from gpszip.view.write import check_coordinates_of, check_count
 
     # Refuse what can be refused before any work.
+    selection = pop_selection(reading)
     check_count(len(archives))
     if is_matched and not (network and raw):
         raise OptionError("--match needs a log and roads", remedy="give --raw and --network, too")
@@ -101,8 +104,12 @@ def command(
         progress_bar(quiet=quiet or settings.json) as listener,
         ExitStack() as stack,
     ):
-        opened = [stack.enter_context(open_archive_file(name, map_name)) for name in archives]
+        opened = [
+            select_from(stack.enter_context(open_archive_file(name, map_name)), selection)
+            for name in archives
+        ]
         check_coordinates_of(opened)
+        reading["selection"] = selection
         read_result = read_raw_log(raw, opened[0], reading) if raw else None
         page, drawn = _build(opened, archives, read_result, network, is_matched, listener)
     _write(target, page)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from gpszip.model.text import count_text
 from gpszip.model.timestamps import format_span
 
-__all__ = ["Walk"]
+__all__ = ["Walk", "cut_at_gaps"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,3 +55,19 @@ class Walk:
         elif len(self.times):
             facts.append(format_span(float(self.times[0]), float(self.times[-1])))
         return f"Walk({', '.join(facts)})"
+
+
+def cut_at_gaps(walk: Walk) -> list[slice]:
+    """Knots of each piece of a walk.
+
+    Examples
+    --------
+    >>> walk = Walk("a", np.arange(3, dtype=np.int32), None, np.array([False, True]))
+    >>> cut_at_gaps(walk)
+    [slice(0, 2, None), slice(2, 3, None)]
+    """
+    gaps = walk.gaps.nonzero()[0]
+    if not len(gaps):
+        return [slice(0, len(walk.nodes))]
+    bounds = [0, *(gaps + 1).tolist(), len(walk.nodes)]
+    return [slice(first, after) for first, after in pairwise(bounds)]

@@ -39,7 +39,7 @@ PLACEMARKS = textwrap.dedent("""
 
     import numpy as np
 
-    from gpszip.io.logs.gpx.xml_text import root_element
+    from gpszip.io.logs.xml.text import root_element
     from gpszip.io.logs.log_format import LogFormat
     from gpszip.io.logs.raw import RawLog
 
@@ -52,14 +52,20 @@ PLACEMARKS = textwrap.dedent("""
 
     FORMAT = LogFormat(
         name="placemarks",
-        suffixes=(".kml",),
-        description="positions of KML",
-        sniff=lambda head: root_element(head) == "kml",
+        suffixes=(".places",),
+        description="positions",
+        sniff=lambda head: root_element(head) == "places",
         read=read_placemarks,
     )
 """)
 
-KML = b"<?xml version='1.0'?><kml><coordinates>11.5,48.1 11.6,48.2</coordinates></kml>"
+PLACES = b"<?xml version='1.0'?><places><at>11.5,48.1 11.6,48.2</at></places>"
+
+
+#: First suffixes of the formats that are written, as errors list them.
+WRITTEN_SUFFIXES = ", ".join(
+    log_format.suffixes[0] for log_format in LOG_FORMATS if log_format.write is not None
+)
 
 
 def toy_file(path, points=200):
@@ -106,7 +112,7 @@ def test_a_format_of_another_package_is_read_written_and_listed(tmp_path):
     assert copy.read_text().startswith("TOY\n0.000 ")
 
     listed = gpszip(tmp_path, "formats")
-    assert "toy      .toy                  read, write  time, x and y in each line" in listed.stdout
+    assert re.search(r"toy +\.toy +read, write  time, x and y in each line", listed.stdout)
 
 
 def test_a_named_format_of_gpszip_is_read_whatever_other_packages_do(install_plugin):
@@ -119,13 +125,13 @@ def test_a_named_format_of_gpszip_is_read_whatever_other_packages_do(install_plu
 
 
 def test_xml_that_no_format_recognises_is_refused_with_advice():
-    with pytest.raises(UnknownFormatError, match="root element is 'kml'; it is KML; turn it into"):
-        read_logs(io.BytesIO(KML))
+    with pytest.raises(UnknownFormatError, match="root element is 'places'; convert it to GPX"):
+        read_logs(io.BytesIO(PLACES))
 
 
 def test_xml_is_refused_only_after_all_formats_were_asked(install_plugin):
     install_plugin("gpszip.formats", PLACEMARKS)
-    (track,) = read_logs(io.BytesIO(KML)).tracks
+    (track,) = read_logs(io.BytesIO(PLACES)).tracks
     assert track.positions.shape == (2, 2)
 
 
@@ -151,11 +157,10 @@ def test_a_zip_archive_that_is_a_log_is_not_unpacked(install_plugin):
 
 
 def test_xml_within_a_zip_archive_is_asked_of_all_formats(install_plugin):
-    """KMZ is a zip archive of a KML file and pictures."""
     with zipfile.ZipFile(stream := io.BytesIO(), "w") as archive:
-        archive.writestr("doc.kml", KML)
+        archive.writestr("doc.places", PLACES)
         archive.writestr("picture.png", b"\x89PNG\r\n\x1a\n\0\0")
-    with pytest.raises(InputError, match=r"stream/doc\.kml: is XML, .*: it is KML|of 2 logs"):
+    with pytest.raises(InputError, match=r"stream/doc\.places: is XML, .*|of 2 logs"):
         read_logs(io.BytesIO(stream.getvalue()))
     install_plugin("gpszip.formats", PLACEMARKS)
     forget_plugins()
@@ -236,10 +241,10 @@ def test_faults_while_another_package_writes_are_errors_with_its_name(install_pl
 def test_a_format_that_is_only_read_is_not_written(install_plugin, tmp_path):
     install_plugin("gpszip.formats", PLACEMARKS)
     track = Track("walk", [0, 1], [[0, 0], [1, 1]])
-    with pytest.raises(OutputError, match=r"one of \.parquet, \.gpx, \.geojson, \.csv"):
-        write_tracks([track], tmp_path / "walk.kml")
+    with pytest.raises(OutputError, match=re.escape(f"one of {WRITTEN_SUFFIXES}")):
+        write_tracks([track], tmp_path / "walk.places")
     with pytest.raises(OutputError, match="placemarks is only read"):
-        write_tracks([track], tmp_path / "walk.kml", "placemarks")
+        write_tracks([track], tmp_path / "walk.places", "placemarks")
 
 
 # The table
@@ -259,7 +264,8 @@ def test_formats_that_accept_any_text_are_asked_last():
 
 
 def test_errors_list_the_formats_of_the_table():
-    with pytest.raises(OptionError, match="no format 'nmea'; there are parquet, gpx, geojson, csv"):
-        format_named("nmea")
-    with pytest.raises(OutputError, match=r"one of \.parquet, \.gpx, \.geojson, \.csv"):
-        format_for_writing("walk.nmea")
+    names = ", ".join(log_format.name for log_format in LOG_FORMATS)
+    with pytest.raises(OptionError, match=f"no format 'xyz'; there are {names}"):
+        format_named("xyz")
+    with pytest.raises(OutputError, match=re.escape(f"one of {WRITTEN_SUFFIXES}")):
+        format_for_writing("walk.xyz")

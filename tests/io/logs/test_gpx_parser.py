@@ -3,8 +3,9 @@ import gzip
 import pytest
 
 from gpszip.errors import InputError
-from gpszip.io.logs.gpx.parser import parse_points
+from gpszip.io.logs.gpx.read import GPX_VOCABULARY
 from gpszip.io.logs.read import read_logs
+from gpszip.io.logs.xml.point_collector import collect_points
 from gpszip.io.storage.source import Source
 
 POINT = '<trkpt lat="1" lon="2"><time>2024-05-04T08:00:00Z</time></trkpt>\n'
@@ -12,9 +13,9 @@ OPEN, CLOSE = "<gpx>\n<trk><trkseg>\n", "</trkseg></trk></gpx>"
 
 
 def parse(text, fields=("time",)):
-    return parse_points(
-        Source("walk.gpx", data=text.encode() if isinstance(text, str) else text), fields
-    )[0]
+    source = Source("walk.gpx", data=text.encode() if isinstance(text, str) else text)
+    collector, _ = collect_points(source, GPX_VOCABULARY, fields)
+    return collector.finish()
 
 
 def refusal(text):
@@ -168,7 +169,10 @@ def test_gzip_is_unpacked_and_damaged_gzip_refused():
             f"{OPEN}{POINT}</trk>",
             "line 4: damaged GPX: mismatched tag, after 1 point; close each element",
         ),
-        (f"{OPEN}{POINT}{CLOSE}\n{OPEN}{POINT}{CLOSE}", "remove what follows the first </gpx>"),
+        (
+            f"{OPEN}{POINT}{CLOSE}\n{OPEN}{POINT}{CLOSE}",
+            "remove what follows the end of the first element",
+        ),
         (f"{OPEN}{POINT.replace('lon', 'lat')}{CLOSE}", "duplicate attribute"),
     ],
 )

@@ -432,11 +432,6 @@ def test_any_namespace_and_what_stands_before_the_root_are_fine(head):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (
-            "<kml><Placemark/></kml>",
-            "XML, but of no format that is read: its root element is 'kml'; it is KML; turn it",
-        ),
-        ("<t:TrainingCenterDatabase xmlns:t='x'/>", "TCX"),
         ('<?xml version="1.0"?>\n<osm version="0.6"></osm>', "OpenStreetMap's"),
         ("<!DOCTYPE html><html><br></html>", "a web page"),
         ("<svg><path/></svg>", "'svg'; convert it to GPX or CSV"),

@@ -3,8 +3,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.io.logs.gpx.read import read_gpx
-from gpszip.io.logs.gpx.xml_text import ReplacedBytes, Utf8Transcoder, detect_encoding, root_element
 from gpszip.io.logs.raw import Request
+from gpszip.io.logs.xml.text import ReplacedBytes, Utf8Transcoder, detect_encoding, root_element
 from gpszip.io.storage.source import Source
 
 DECLARED = '<?xml version="1.0" encoding="{}"?>\n'

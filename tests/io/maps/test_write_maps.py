@@ -21,8 +21,8 @@ from gpszip.io.networks.read import read_network
 from gpszip.io.networks.wkb import parse_wkb_lines
 from gpszip.model import CleanMap, Plane, RoadMap
 
-#: Suffixes of formats that are no networks.
-PICTURES = (".png", ".svg", ".pdf")
+#: Suffixes of formats that are written only.
+NO_NETWORKS = (".kml", ".png", ".svg", ".pdf")
 
 
 def square(d=2, plane=None):
@@ -174,7 +174,7 @@ def test_geoparquet_names_its_lines(tmp_path, plane):
 
 
 @pytest.mark.parametrize("plane", [None, BERLIN], ids=["metres", "degrees"])
-@pytest.mark.parametrize("suffix", [s for s in map_suffixes() if s not in PICTURES])
+@pytest.mark.parametrize("suffix", [s for s in map_suffixes() if s not in NO_NETWORKS])
 def test_a_map_is_read_as_a_network(tmp_path, suffix, plane):
     if suffix == ".osm" and plane is None:
         pytest.skip("this format holds degrees only")

@@ -190,3 +190,47 @@ def test_changed_bytes_give_data_or_errors(method, changes, cut):
         assert "\n" not in (str(source) if isinstance(source, InputError) else source.name)
         if isinstance(source, Source) and source.archive:
             assert source.data in (OTHER, b"")  # complete by its checksum, or declared as empty
+
+
+# KMZ
+
+
+KML_FILE = (
+    b"<kml><Placemark><name>walk</name><Track><when>2024-05-04T08:00:00Z</when>"
+    b"<coord>11.5 48.1 500</coord><when>2024-05-04T08:00:10Z</when><coord>11.6 48.2 501</coord>"
+    b"</Track></Placemark></kml>"
+)
+
+
+class Unseekable(io.RawIOBase):
+    """A stream that only goes on, for which zip writes sizes behind the members."""
+
+    def __init__(self):
+        self.data = bytearray()
+
+    def writable(self):
+        return True
+
+    def write(self, data):
+        self.data += data
+        return len(data)
+
+
+@pytest.mark.parametrize("streamed", [False, True])
+def test_kmz_is_read_without_its_pictures(streamed):
+    file = Unseekable() if streamed else io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("doc.kml", KML_FILE)
+        archive.writestr("files/start.PNG", b"\x89PNG\r\n\x1a\n\0\0")
+        archive.writestr("files/car.dae", b"<COLLADA/>")
+    reading = read_logs(io.BytesIO(file.data if streamed else file.getvalue()))
+    assert [(track.id, len(track)) for track in reading.tracks] == [("walk", 2)]
+    assert reading.complete
+
+
+def test_pictures_of_other_archives_are_named():
+    with zipfile.ZipFile(file := io.BytesIO(), "w") as archive:
+        archive.writestr("a.csv", "t,x,y\n0,0,0\n1,1,1\n")
+        archive.writestr("start.png", b"\x89PNG\r\n\x1a\n\0\0")
+    reading = read_logs(io.BytesIO(file.getvalue()))
+    assert [left.name for left in reading.left_out] == ["stream/start.png"]

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from gpszip.errors import InputError
+from gpszip.errors import InputError, UnknownTrackError
 from gpszip.io.logs.file_collector import CleaningOptions, FileCollector
 from gpszip.io.logs.join import JoinedTrack, join_tracks, name_of_unnamed
 from gpszip.io.logs.log_file import LogFile, mismatch_error
@@ -24,8 +24,13 @@ from gpszip.io.logs.repeats import RepeatedRows, drop_repeated_rows
 from gpszip.io.logs.rows import Floats, LogRows, RowStore
 from gpszip.model import Track
 from gpszip.model.read_result import LeftOut, Loss, ReadResult, Repair
+from gpszip.model.selection import Selection
+from gpszip.model.timestamps import format_span
 
 __all__ = ["CollectedLog", "collect_log"]
+
+#: Names of tracks that an error lists of a log with more.
+_MAX_LISTED_TRACKS = 5
 
 
 @dataclass(eq=False)
@@ -52,6 +57,7 @@ class CollectedLog:
     _ends_before: Floats
     _repeated: RepeatedRows
     _repairs: list[Repair] = field(default_factory=list)
+    _not_selected: int = 0
 
     @property
     def geographic(self) -> bool:
@@ -108,7 +114,7 @@ class CollectedLog:
         left_out += [LeftOut(str(error.path), error.detail) for error in self.errors]
         return ReadResult(
             tracks=tuple(tracks),
-            points=sum(file.points for file in self.files),
+            points=sum(file.points for file in self.files) - self._not_selected,
             bytes=sum(file.bytes for file in self.files),
             geographic=self.geographic,
             repairs=(*of_files, *self._repairs, *repairs),
@@ -167,7 +173,74 @@ def collect_log(
     is_alone = len(logs) == 1
     tracks, ends_before = join_tracks(files, is_alone=is_alone, repairs=repairs)
     repeated = RepeatedRows.empty(len(ends_before))
-    return CollectedLog(files, errors, is_alone, tracks, store, ends_before, repeated, repairs)
+
+    # Leave out the tracks that nobody asked for.
+    selection = options.selection
+    chosen, not_selected = _choose_tracks(tracks, files, selection, is_alone=is_alone)
+    if not chosen and not selection.is_everything:
+        raise _nothing_selected_error(files, selection)
+    return CollectedLog(
+        files, errors, is_alone, chosen, store, ends_before, repeated, repairs, not_selected
+    )
+
+
+def _choose_tracks(
+    tracks: list[JoinedTrack],
+    files: Sequence[FileCollector],
+    selection: Selection,
+    *,
+    is_alone: bool,
+) -> tuple[list[JoinedTrack], int]:
+    """Return the tracks that are asked for, and the number of rows of all others.
+
+    A name stands for all tracks of that name in a file, such as those split where time goes back.
+    """
+    if not selection.tracks:
+        return tracks, 0
+
+    # The name of each code in its file, and how many rows it has.
+    names: dict[int, str] = {}
+    rows: dict[int, int] = {}
+    for file in files:
+        unnamed = name_of_unnamed(file, is_alone=is_alone)
+        for code in range(file.tracks.first_code, file.tracks.next_code):
+            name = file.tracks.base_name(code)
+            names[code] = unnamed if name is None else name
+            rows[code] = int(file.tracks.tracks["rows"][code - file.tracks.first_code])
+
+    # Refuse names that no track has.
+    known = {track.name for track in tracks} | set(names.values())
+    for wanted in selection.tracks:
+        if wanted not in known:
+            listed = ", ".join(repr(track.name) for track in tracks[:_MAX_LISTED_TRACKS])
+            more = ", ..." if len(tracks) > _MAX_LISTED_TRACKS else ""
+            raise UnknownTrackError(
+                f"there is no track {wanted!r} in the log; it has {listed}{more}"
+            )
+
+    wanted_names = set(selection.tracks)
+    chosen = [
+        track
+        for track in tracks
+        if track.name in wanted_names or names[track.codes[0]] in wanted_names
+    ]
+    own = {code for track in chosen for code in track.codes}
+    others = {code for track in tracks for code in track.codes} - own
+    # Nobody asked for what these tracks lost, either.
+    for file in files:
+        file.unwanted = {
+            names[code] for code in others if file.tracks.first_code <= code < file.tracks.next_code
+        } - {names[code] for code in own}
+    return chosen, sum(rows[code] for code in others)
+
+
+def _nothing_selected_error(files: Sequence[FileCollector], selection: Selection) -> InputError:
+    """Return the error if no row is selected, with the time range of the log."""
+    first = min(file.selection.first_time for file in files)
+    last = max(file.selection.last_time for file in files)
+    has = f"; the log has {format_span(first, last)}" if first <= last else ""
+    where = "" if selection.bbox is None else f" in the box {selection.bbox}"
+    return InputError(f"no point is selected{where}{has}", remedy="give another selection")
 
 
 def _check_coordinates(file: FileCollector, before: Sequence[FileCollector]) -> None:

@@ -32,10 +32,12 @@ from gpszip.io.logs.losses import (
 )
 from gpszip.io.logs.raw import RawLog, UnreadableCell
 from gpszip.io.logs.repeats import RepeatedRows
+from gpszip.io.logs.row_selection import RowSelection
 from gpszip.io.logs.rows import RowStore
 from gpszip.io.storage.source import Source
 from gpszip.io.values.finite import finite_rows
 from gpszip.model.read_result import LeftOut, Loss, Repair
+from gpszip.model.selection import EVERYTHING, Selection
 
 __all__ = ["CleaningOptions", "FileCollector"]
 
@@ -53,21 +55,30 @@ class CleaningOptions:
     ----------
     sort, split, skip_bad, clean : bool
         As for :func:`gpszip.io.logs.read.read_logs`.
+    selection : Selection
+        Which points are read.
 
     Raises
     ------
     OptionError
-        If points are to be sorted and tracks split.
+        If points are to be sorted and tracks split, or sorted and selected by area.
     """
 
     sort: bool = False
     split: bool = False
     skip_bad: bool = False
     clean: bool = False
+    selection: Selection = EVERYTHING
 
     def __post_init__(self) -> None:
         if self.sort and self.split:
             raise OptionError("--sort and --split exclude each other")
+        # Where a track leaves the area shows in the order of time only.
+        if self.sort and self.selection.bbox is not None:
+            raise OptionError(
+                "--sort and --bbox exclude each other",
+                remedy="compress the whole log, then select from the archive",
+            )
 
 
 class FileCollector:
@@ -105,12 +116,14 @@ class FileCollector:
         self.repairs: list[Repair] = []
         self.left_out: list[LeftOut] = []
         self.dropped_columns: dict[str, None] = {}  # an ordered set
+        self.unwanted: set[str] = set()  # names of tracks that are not selected
 
         # State.
         self._store = store
         self._options = options
         self._reader_repairs: list[Repair] = []
         self._globe = GlobeCheck()
+        self.selection = RowSelection(options.selection)
         self._readable: set[str] = set()  # which of _NEEDED some row has
         self._unreadable: tuple[UnreadableCell, ...] = ()
         self._has_times_of_day = False
@@ -124,7 +137,7 @@ class FileCollector:
     @property
     def points(self) -> int:
         """Number of points in the file."""
-        return self.rows + self.dropped_by_reader
+        return self.rows - self.selection.dropped + self.dropped_by_reader
 
     # Batches
 
@@ -149,9 +162,15 @@ class FileCollector:
             order = np.argsort(names, kind="stable")
             rows, names = rows[order], names[order]
 
+        # Keep those that are selected.
+        selected, returns = self.selection.find(raw, names, rows)
+        if not selected.all():
+            self.tracks.forget_rows(names[~selected])
+            rows, names, returns = rows[selected], names[selected], returns[selected]
+
         # Find their tracks, and store them.
         usable = take_rows(raw, rows)
-        assigned = self.tracks.assign(names, usable.times, split=self._options.split)
+        assigned = self.tracks.assign(names, usable.times, returns, split=self._options.split)
         self._handle_backward_steps(raw, rows, assigned)
         self.tracks.extend(assigned.codes, usable.times, usable.coordinates)
         self._store.add(replace(usable, codes=assigned.codes), raw)
@@ -225,7 +244,7 @@ class FileCollector:
             points of a track have one time.
         """
         # Some row must have a time and a position.
-        if not self.points:
+        if not self.rows + self.dropped_by_reader:
             raise InputError("columns, but no rows", path=self.name)
         for what in _NEEDED:
             if what not in self._readable:
@@ -236,7 +255,7 @@ class FileCollector:
         # A long log of which at most one row is left was likely misread; a tiny one may be short.
         # Rows at one time count as one, since only the first of them would be kept.
         rows, elsewhere = self.tracks.rows_at_only_time()
-        if rows and self.rows > MAX_TINY_LOG_POINTS:
+        if rows and self.rows - self.selection.dropped > MAX_TINY_LOG_POINTS:
             repeats = self._describe_repeats((rows - 1 - elsewhere, 0), (elsewhere, 0))
             causes = [*self.repairs, *repeats]
             raise nearly_lost_error(self.name, self.rows, self.row_noun, causes)
@@ -316,6 +335,8 @@ class FileCollector:
             name = self.tracks.names[i]
             if f"{self.name}: track {name!r}" not in left_out:
                 track = unnamed if name is None else name
+                if track in self.unwanted:
+                    continue
                 points = int(self.tracks.points[i])
                 losses += loss_if_large(track, self.name, int(lost[i]), points, int(shared[i]))
         return losses

@@ -145,9 +145,19 @@ class FileTracks:
             self.names.append(key[0])
         return self._index_by_key[key]
 
+    def forget_rows(self, names: NDArray[np.int32]) -> None:
+        """Take back that some names have a row each: nobody asked for these rows."""
+        self.points -= np.bincount(names, minlength=len(self.names))
+
+    def base_name(self, code: int) -> str | None:
+        """Name in the file of a track, which may be one of several with that name."""
+        return self.names[int(self._tracks["name"][code - self.first_code])]
+
     # Rows
 
-    def assign(self, names: NDArray[np.int32], times: Floats, *, split: bool) -> AssignedRows:
+    def assign(
+        self, names: NDArray[np.int32], times: Floats, begins: Flags, *, split: bool
+    ) -> AssignedRows:
         """Find the track of each row.
 
         Parameters
@@ -156,8 +166,10 @@ class FileTracks:
             Index of the name of each row's track, not decreasing.
         times : float64 array, shape (n,)
             Seconds.
+        begins : bool array, shape (n,)
+            Whether a new track starts with each row.
         split : bool
-            Start a new track where time goes back.
+            Start a new track where time goes back, too.
         """
         # A name that comes for the first time stands for a new track.
         starts = begins_run(names)
@@ -169,14 +181,14 @@ class FileTracks:
         steps = np.empty(len(times))
         np.subtract(times[1:], times[:-1], out=steps[1:])
         steps[starts] = times[starts] - self._tracks["row_time"][self._present[own]]
-        goes_back = steps < 0
-        if not split or not goes_back.any():
+        begins = begins | (steps < 0) if split else begins
+        if not begins.any():
             return AssignedRows(self._present[names] + np.int32(self.first_code), steps)
 
         # Rows up to the next mark belong to the track that starts or goes on at a mark.
-        marks = starts | goes_back
+        marks = starts | begins
         codes = self._present[names[marks]]
-        codes[goes_back[marks]] = self._add_tracks(names[goes_back])
+        codes[begins[marks]] = self._add_tracks(names[begins])
         self._present[names[marks]] = codes  # the last mark of a name counts
         rows = codes[np.cumsum(marks) - 1] + np.int32(self.first_code)
         return AssignedRows(rows, steps)

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 from gpszip.errors import InputError, OptionError, OutputError, UnknownFormatError
 from gpszip.io.deferred import deferred
-from gpszip.io.logs.gpx.xml_text import root_element
 from gpszip.io.logs.log_format import LogBatches, LogFormat
+from gpszip.io.logs.xml.text import root_element
 from gpszip.io.plugins import Guard, load_plugins
 
 if TYPE_CHECKING:
@@ -52,9 +52,41 @@ GPX = LogFormat(
     description="tracks and routes; extensions with --keep",
     sniff=deferred("gpszip.io.logs.gpx.read", "sniff_gpx"),
     read=deferred("gpszip.io.logs.gpx.read", "read_gpx"),
+    read_batches=deferred("gpszip.io.logs.gpx.read", "read_gpx_batches"),
     write=deferred("gpszip.io.logs.gpx.write", "write_gpx"),
     describe_losses=deferred("gpszip.io.logs.gpx.write", "describe_gpx_losses"),
     time_decimals=3,
+)
+
+KML = LogFormat(
+    name="kml",
+    suffixes=(".kml",),
+    description="tracks, points with times, and lines as shapes; data with --keep",
+    sniff=deferred("gpszip.io.logs.kml.read", "sniff_kml"),
+    read=deferred("gpszip.io.logs.kml.read", "read_kml"),
+    read_batches=deferred("gpszip.io.logs.kml.read", "read_kml_batches"),
+    write=deferred("gpszip.io.logs.kml.write", "write_kml"),
+    describe_losses=deferred("gpszip.io.logs.kml.write", "describe_kml_losses"),
+    time_decimals=3,
+)
+
+# A zip archive is unpacked before its format is found, so that KMZ is read as KML.
+KMZ = replace(
+    KML,
+    name="kmz",
+    suffixes=(".kmz",),
+    description="KML in a zip archive",
+    write=deferred("gpszip.io.logs.kml.write", "write_kmz"),
+    is_binary=True,
+)
+
+TCX = LogFormat(
+    name="tcx",
+    suffixes=(".tcx",),
+    description="activities and courses; heart rate and others with --keep",
+    sniff=deferred("gpszip.io.logs.tcx.read", "sniff_tcx"),
+    read=deferred("gpszip.io.logs.tcx.read", "read_tcx"),
+    read_batches=deferred("gpszip.io.logs.tcx.read", "read_tcx_batches"),
 )
 
 GEOJSON = LogFormat(
@@ -69,6 +101,43 @@ GEOJSON = LogFormat(
     write=deferred("gpszip.io.logs.geojson.write", "write_geojson"),
 )
 
+GOOGLE = LogFormat(
+    name="google",
+    suffixes=(),
+    description="location histories: Records, Timeline of Android and iOS, by month; JSON",
+    sniff=deferred("gpszip.io.logs.google.read", "sniff_google"),
+    read=deferred("gpszip.io.logs.google.read", "read_google"),
+    read_batches=deferred("gpszip.io.logs.google.read", "read_google_batches"),
+)
+
+GOOGLE_PATHS = LogFormat(
+    name="google-paths",
+    suffixes=(),
+    description="paths of location histories that have positions, too; only with --format",
+    sniff=deferred("gpszip.io.logs.google.read", "sniff_google_paths"),
+    read=deferred("gpszip.io.logs.google.read", "read_google_paths"),
+    read_batches=deferred("gpszip.io.logs.google.read", "read_google_paths_batches"),
+)
+
+FIT = LogFormat(
+    name="fit",
+    suffixes=(".fit",),
+    description="activities and courses of watches and bicycle computers; fields with --keep",
+    sniff=deferred("gpszip.io.logs.fit.read", "sniff_fit"),
+    read=deferred("gpszip.io.logs.fit.read", "read_fit"),
+    is_binary=True,
+    extra="fit",
+)
+
+NMEA = LogFormat(
+    name="nmea",
+    suffixes=(".nmea", ".nma"),
+    description="NMEA 0183: RMC, GGA, GLL, GNS, ZDA and VTG of any receiver",
+    sniff=deferred("gpszip.io.logs.nmea.read", "sniff_nmea"),
+    read=deferred("gpszip.io.logs.nmea.read", "read_nmea"),
+    read_batches=deferred("gpszip.io.logs.nmea.read", "read_nmea_batches"),
+)
+
 CSV = LogFormat(
     name="csv",
     suffixes=(".csv", ".tsv", ".txt", ".tab"),
@@ -81,7 +150,19 @@ CSV = LogFormat(
 )
 
 #: The formats of GPSZip, in the order in which they are asked.
-LOG_FORMATS: tuple[LogFormat, ...] = (PARQUET, GPX, GEOJSON, CSV)
+LOG_FORMATS: tuple[LogFormat, ...] = (
+    PARQUET,
+    GPX,
+    KML,
+    KMZ,
+    TCX,
+    GOOGLE,
+    GOOGLE_PATHS,
+    GEOJSON,
+    FIT,
+    NMEA,
+    CSV,
+)
 
 #: Advice for files that no format reads, by their first bytes.
 _OTHER_FILES = (
@@ -94,10 +175,6 @@ _OTHER_FILES = (
 
 #: Advice for XML that no format reads, by the name of its root element in lower case.
 _OTHER_XML = {
-    "kml": "it is KML; turn it into GPX: gpsbabel -i kml -f FILE -o gpx -F FILE.gpx",
-    "trainingcenterdatabase": (
-        "it is TCX; turn it into GPX: gpsbabel -i gtrnctr -f FILE -o gpx -F FILE.gpx"
-    ),
     "osm": "it is OpenStreetMap's, which has roads, not logs; 'gpszip network' reads it",
     "graphml": "it is GraphML, which has roads, not logs; 'gpszip network' reads it",
     "html": "it is a web page, perhaps of an error or a login; fetch the file again",
@@ -114,8 +191,8 @@ def log_formats() -> tuple[LogFormat, ...]:
 
     Examples
     --------
-    >>> [log_format.name for log_format in log_formats()][-4:]
-    ['parquet', 'gpx', 'geojson', 'csv']
+    >>> log_formats()[-1].name
+    'csv'
     """
     return (*load_plugins(_PLUGIN_GROUP, LogFormat, _guarded), *LOG_FORMATS)
 

@@ -26,6 +26,7 @@ from gpszip.io.logs.shapes import measure_points, repeated_points_repair
 from gpszip.io.tables.roles import parse_columns
 from gpszip.model import Plane, Track
 from gpszip.model.read_result import ReadResult, Repair
+from gpszip.model.selection import EVERYTHING, Selection
 from gpszip.model.track import tracks_from_rows
 
 __all__ = ["ReadOptions", "parse_options", "read_logs"]
@@ -45,6 +46,7 @@ class ReadOptions(TypedDict, total=False):
     heading: bool
     skip_bad: bool
     times: bool
+    selection: Selection
 
 
 def parse_options(options: ReadOptions) -> tuple[Request, CleaningOptions]:
@@ -70,6 +72,7 @@ def parse_options(options: ReadOptions) -> tuple[Request, CleaningOptions]:
         split=options.get("split", False),
         skip_bad=options.get("skip_bad", False),
         clean=options.get("clean", False),
+        selection=options.get("selection", EVERYTHING),
     )
     return request, cleaning
 
@@ -122,6 +125,7 @@ def read_logs(
     heading: bool = False,
     skip_bad: bool = False,
     times: bool = True,
+    selection: Selection = EVERYTHING,
 ) -> ReadResult:
     r"""Read position logs.
 
@@ -163,6 +167,10 @@ def read_logs(
         out in any case.
     times : bool
         Whether a table needs a column of times; without one, its tracks are read as shapes.
+    selection : Selection
+        Which tracks and points are read; all by default. A track that leaves the area and comes
+        back starts a new track, named as with ``split``. Tracks without times are left out of a
+        time range.
 
     Returns
     -------
@@ -174,7 +182,7 @@ def read_logs(
     InputError
         If a log can't be read or used, or logs in degrees and in metres come together.
     OptionError
-        If the format, the unit or the columns don't exist.
+        If the format, the unit, the columns or a selected track don't exist.
 
     Examples
     --------
@@ -194,6 +202,7 @@ def read_logs(
         "heading": heading,
         "skip_bad": skip_bad,
         "times": times,
+        "selection": selection,
     }
     request, cleaning = parse_options(options)
 

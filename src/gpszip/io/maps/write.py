@@ -91,6 +91,7 @@ MAP_FORMATS: tuple[MapFormat, ...] = (
         is_binary=True,
     ),
     MapFormat("csv", (".csv",), deferred("gpszip.io.maps.csv", "write_map_csv")),
+    MapFormat("kml", (".kml",), deferred("gpszip.io.maps.kml", "write_map_kml"), degrees_only=True),
     MapFormat("png", (".png",), partial(_write_picture, kind="png"), is_binary=True),
     MapFormat("svg", (".svg",), partial(_write_picture, kind="svg")),
     MapFormat("pdf", (".pdf",), partial(_write_picture, kind="pdf"), is_binary=True),

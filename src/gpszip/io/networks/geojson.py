@@ -16,12 +16,12 @@ from gpszip.errors import InputError
 from gpszip.io.logs.geojson.crs import crs_problem
 from gpszip.io.logs.geojson.features import position_table
 from gpszip.io.logs.geojson.json_columns import build_column
-from gpszip.io.logs.geojson.json_stream import Document, read_json
 from gpszip.io.logs.geojson.write import METRES_MEMBER
 from gpszip.io.networks.features import RoadFeatures, find_columns, road_lines
 from gpszip.io.networks.lines import RoadLines
 from gpszip.io.networks.wkb import WkbLines
 from gpszip.io.storage.source import Source
+from gpszip.io.values.json_stream import Document, read_json
 
 __all__ = ["read_geojson_lines"]
 

@@ -30,6 +30,12 @@ _DOCUMENTS = {
     "META-INF/manifest.xml": "an OpenDocument file; save the worksheet with the log as CSV",
 }
 
+#: Suffix of the files of a KMZ archive that hold places; its others are what these show.
+_KML_SUFFIX = ".kml"
+
+#: Suffixes of pictures and models, which come with the places of a KMZ archive.
+_SHOWN_SUFFIXES = (".png", ".jpg", ".jpeg", ".gif", ".bmp", ".tif", ".tiff", ".svg", ".dae")
+
 #: Flag of an encrypted member.
 _ENCRYPTED = 1
 
@@ -83,7 +89,8 @@ def is_zip(head: bytes) -> bool:
 def find_members(file: BinaryIO, name: str) -> Iterator[ZipMember | InputError]:
     r"""Find the files in an archive.
 
-    Folders, hidden files and the files that macOS adds are ignored.
+    Folders, hidden files and the files that macOS adds are ignored, and beside a KML file the
+    pictures and models that it shows.
 
     Parameters
     ----------
@@ -119,9 +126,11 @@ def _files_in(
     archive: zipfile.ZipFile, counted: _CountingFile, name: str
 ) -> Iterator[ZipMember | InputError]:
     """Find the files in an open archive, see :func:`find_members`."""
-    # Leave out folders and hidden files, such as those that macOS adds.
+    # Leave out folders and hidden files, such as those that macOS adds, and pictures of KMZ.
     infos = archive.infolist()
     files = [info for info in infos if not info.is_dir() and not _is_hidden(info.filename)]
+    if any(info.filename.lower().endswith(_KML_SUFFIX) for info in files):
+        files = [info for info in files if not info.filename.lower().endswith(_SHOWN_SUFFIXES)]
 
     # Refuse members that share bytes: they let a small file expand without limit.
     if sum(info.compress_size for info in infos) > counted.size:

@@ -24,12 +24,12 @@ from gpszip.io.logs.geojson.features import (
     read_feature,
 )
 from gpszip.io.logs.geojson.json_columns import abbreviate
-from gpszip.io.logs.geojson.json_stream import Document, detect_encoding, read_json
 from gpszip.io.logs.geojson.points import PointTable, dropped_positions_repair
 from gpszip.io.logs.geojson.times import has_text_times, read_times
 from gpszip.io.logs.geojson.write import METRES_MEMBER
 from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request, UnreadableCell, unused_name
 from gpszip.io.storage.source import Source
+from gpszip.io.values.json_stream import Document, detect_encoding, read_json
 from gpszip.model.read_result import LeftOut, Repair
 
 __all__ = ["read_geojson", "sniff_geojson"]

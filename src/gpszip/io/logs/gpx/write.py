@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from typing import Any, BinaryIO
-from xml.sax.saxutils import escape
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from gpszip.errors import OutputError
-from gpszip.io.logs.raw import HEIGHT_NAMES
-from gpszip.io.logs.track_rows import TrackRows, group_into_lines, round_decimals
+from gpszip.io.logs.track_rows import TrackRows, group_into_lines
+from gpszip.io.logs.xml.writing import (
+    describe_changed_names,
+    escape_xml,
+    format_heights,
+    format_times,
+    height_name,
+    require_degrees,
+)
 
-__all__ = ["describe_gpx_losses", "has_unwritable_letters", "write_gpx"]
-
-#: Seconds from 1970 to the year 1, the first that a date can name.
-_YEAR_1 = -62_135_596_800
-
-#: Seconds from 1970 to the year 10000, the first that a date can't name.
-_YEAR_10000 = 253_402_300_800
-
-#: Decimals of heights in metres.
-_HEIGHT_DECIMALS = 3
-
-#: Letters that XML 1.0 can't hold, not even as a reference.
-_NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+__all__ = ["describe_gpx_losses", "write_gpx"]
 
 _START = (
     b'<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -40,7 +31,8 @@ def write_gpx(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
 
     A track that crosses the antimeridian begins a new segment there. Times count from 1970; points
     of tracks without times have no ``time``. Letters that XML can't hold, see
-    :func:`has_unwritable_letters`, are written as the replacement character U+FFFD.
+    :func:`gpszip.io.logs.xml.writing.has_unwritable_letters`, are written as the replacement
+    character U+FFFD.
 
     Parameters
     ----------
@@ -56,13 +48,9 @@ def write_gpx(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
     """
     sink.write(_START)
     for name, lines in group_into_lines(tracks):
-        sink.write(f"<trk><name>{_xml(name)}</name>".encode())
+        sink.write(f"<trk><name>{escape_xml(name)}</name>".encode())
         for line in lines:
-            if not line.geographic:
-                raise OutputError(
-                    "GPX holds latitudes and longitudes, but this log is in x and y",
-                    remedy="write CSV, Parquet or GeoJSON",
-                )
+            require_degrees(line, "GPX")
             sink.write(b"<trkseg>\n")
             sink.write("\n".join(_trackpoints(line).to_pylist()).encode())
             sink.write(b"\n</trkseg>")
@@ -83,45 +71,18 @@ def describe_gpx_losses(names: Sequence[str], attributes: Sequence[str]) -> list
     Examples
     --------
     >>> describe_gpx_losses(["walk"], ["ele", "speed"])
-    ["gpx can't hold speed; write CSV, GeoJSON or Parquet to have them"]
+    ["gpx can't hold speed; write CSV, KML, GeoJSON or Parquet to have them"]
     """
     losses = []
 
     # There is an element for one column of heights only.
-    heights = [name for name in HEIGHT_NAMES if name in attributes]
-    missing = [name for name in attributes if name not in heights[:1]]
+    height = height_name(attributes)
+    missing = [name for name in attributes if name != height]
     if missing:
         losses.append(
-            f"gpx can't hold {', '.join(missing)}; write CSV, GeoJSON or Parquet to have them"
+            f"gpx can't hold {', '.join(missing)}; write CSV, KML, GeoJSON or Parquet to have them"
         )
-
-    # XML 1.0 can't hold most control characters, not even as references.
-    changed = [name for name in names if has_unwritable_letters(name)]
-    if changed:
-        losses.append(
-            "gpx can't hold control characters: they are U+FFFD in the names of tracks, in "
-            f"{len(changed):,} of them, the first {changed[0]!r}; "
-            "write GeoJSON or Parquet to have them"
-        )
-    return losses
-
-
-def has_unwritable_letters(name: str) -> bool:
-    r"""Whether a name has letters that XML 1.0 can't hold, not even escaped.
-
-    These are most control characters, U+FFFE and U+FFFF.
-
-    Examples
-    --------
-    >>> has_unwritable_letters("walk <1> & \U0001f6b6"), has_unwritable_letters("bell \a")
-    (False, True)
-    """
-    return _NOT_XML.search(name) is not None
-
-
-def _xml(text: str) -> str:
-    # Parsers turn a plain carriage return into a line feed.
-    return escape(_NOT_XML.sub("\ufffd", text), {"\r": "&#13;"})
+    return [*losses, *describe_changed_names("gpx", names)]
 
 
 def _trackpoints(line: TrackRows) -> Any:
@@ -133,35 +94,18 @@ def _trackpoints(line: TrackRows) -> Any:
 
 
 def _times(line: TrackRows) -> list[Any]:
-    """Return the pieces of the element ``time``.
-
-    Dates have milliseconds if that is all that the times have, else microseconds.
-    """
+    """Return the pieces of the element ``time``."""
     if line.times is None:
         return []
-    if line.times[0] < _YEAR_1 or line.times[-1] >= _YEAR_10000:
-        raise OutputError(
-            "times outside the years 1 to 9999 can't be dates",
-            location=f"track {line.track!r}",
-            remedy="write CSV",
-        )
-
-    # Seconds (%S) are written with as many decimals as the unit of the timestamps has.
-    if np.array_equal(round_decimals(line.times, 3), line.times):
-        unit, per_second = "ms", 1e3
-    else:
-        unit, per_second = "us", 1e6
-    ticks = np.rint(line.times * per_second).astype(np.int64)
-    timestamps = pa.array(ticks, pa.timestamp(unit, "UTC"))
-    return ["<time>", pc.strftime(timestamps, "%Y-%m-%dT%H:%M:%SZ"), "</time>"]
+    return ["<time>", format_times(line.times, line.track), "</time>"]
 
 
 def _heights(line: TrackRows) -> list[Any]:
     """Return the element ``ele``, an empty text for a height that is not known."""
-    name = next((name for name in HEIGHT_NAMES if name in line.attributes), None)
+    name = height_name(list(line.attributes))
     if name is None:
         return []
-    heights = line.attributes[name].astype(np.float64)
-    rounded = pc.cast(pa.array(round_decimals(heights, _HEIGHT_DECIMALS)), pa.string())
-    elements = pc.binary_join_element_wise("<ele>", rounded, "</ele>", "")
-    return [pc.if_else(pa.array(np.isfinite(heights)), elements, "")]
+    heights = format_heights(line.attributes[name])
+    # The element is null where the height is.
+    elements = pc.binary_join_element_wise("<ele>", heights, "</ele>", "")
+    return [pc.fill_null(elements, "")]

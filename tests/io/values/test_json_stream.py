@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError
-from gpszip.io.logs.geojson.json_stream import Document, Element, read_json
+from gpszip.io.values.json_stream import Document, Element, read_json
 
 VALUES = st.recursive(
     st.none()
@@ -63,7 +63,7 @@ def test_objects_and_lists_may_follow_each_other(between):
         Document({"a": 1}),
         Element(2),
         Element({}),
-        Element(3),
+        Element(3, "features"),
         Document({"features": []}),
     ]
     assert parts("\x1e" + text + "\n") == parts(text)
@@ -163,7 +163,19 @@ def test_the_encoding_is_found_with_or_without_a_mark():
 def test_the_last_member_of_a_name_counts_before_a_list_of_features():
     text = '{"features": null, "features": [1, 2]}'
     assert list(read_json(io.BytesIO(text.encode()), "log")) == [
-        Element(1),
-        Element(2),
+        Element(1, "features"),
+        Element(2, "features"),
         Document({"features": []}),
     ]
+
+
+def test_lists_of_other_names_are_streamed_if_asked_for():
+    text = '{"a": [1], "features": [2], "b": 3, "c": [4, 5]}'
+    assert list(read_json(io.BytesIO(text.encode()), "log", ("a", "b", "c"))) == [
+        Element(1, "a"),
+        Element(4, "c"),
+        Element(5, "c"),
+        Document({"a": [], "features": [2], "b": 3, "c": []}),
+    ]
+    with pytest.raises(InputError, match="there is another list of a"):
+        list(read_json(io.BytesIO(b'{"a": [1], "a": [2]}'), "log", ("a",)))

@@ -1,4 +1,4 @@
-"""JSON read as a stream: of a list of any length, one element is in memory at a time.
+"""JSON read as a stream: of a long list, one element is in memory at a time.
 
 A text may hold one value, or several one after the other: on lines of their own (NDJSON,
 GeoJSONL), or each after a record separator (RFC 8142).
@@ -14,7 +14,7 @@ from __future__ import annotations
 import codecs
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,7 +33,7 @@ _MAX_VALUE_MARKS = 8_000_000
 #: Marks that a position takes, for messages.
 _MARKS_PER_POSITION = 4
 
-#: Members of an object at the top, at most; GeoJSON has a handful.
+#: Members of an object at the top, at most; logs have a handful.
 _MAX_MEMBERS = 10_000
 
 #: Bytes that are read at a time.
@@ -56,14 +56,23 @@ _SPACE = " \t\r\n\x1e\ufeff"
 
 @dataclass(frozen=True)
 class Element:
-    """One element of the list ``features`` of an object, or of a list that is not in an object."""
+    """One element of a list that is streamed.
+
+    Parameters
+    ----------
+    value : object
+        The element.
+    member : str
+        Name of the list in its object; empty for a list that is not in an object.
+    """
 
     value: Any
+    member: str = ""
 
 
 @dataclass(frozen=True)
 class Document:
-    """The members of an object; a list ``features`` is empty, as its elements come before."""
+    """The members of an object; streamed lists are empty, as their elements come before."""
 
     members: dict[str, Any]
 
@@ -81,8 +90,10 @@ def detect_encoding(head: bytes) -> str:
     return json.detect_encoding(head[:4])
 
 
-def read_json(stream: Any, name: str) -> Iterator[Element | Document]:
-    r"""Yield the objects in a text, and the elements of their lists of features.
+def read_json(
+    stream: Any, name: str, lists: Collection[str] = ("features",)
+) -> Iterator[Element | Document]:
+    r"""Yield the objects in a text, and the elements of their long lists.
 
     Parameters
     ----------
@@ -90,6 +101,9 @@ def read_json(stream: Any, name: str) -> Iterator[Element | Document]:
         UTF-8, or UTF-16 or UTF-32 as its first bytes show.
     name : str
         Its name for messages.
+    lists : collection of str
+        Names of the members of objects that are streamed if they are lists; by default those of
+        GeoJSON.
 
     Yields
     ------
@@ -107,25 +121,25 @@ def read_json(stream: Any, name: str) -> Iterator[Element | Document]:
     >>> text = b'{"features": [1, 2], "type": "a"} {"b": NaN}'
     >>> for part in read_json(io.BytesIO(text), "stream"):
     ...     print(part)
-    Element(value=1)
-    Element(value=2)
+    Element(value=1, member='features')
+    Element(value=2, member='features')
     Document(members={'features': [], 'type': 'a'})
     Document(members={'b': 'NaN'})
     """
     window = _Window(stream, name)
     while letter := window.peek():
         if letter == "{":
-            yield from _read_object(window)
+            yield from _read_object(window, lists)
         elif letter == "[":
-            yield from _read_elements(window)
+            yield from _read_elements(window, "")
         else:
             raise window.damage("an object or a list is expected")
 
 
-def _read_object(window: _Window) -> Iterator[Element | Document]:
-    # Read member by member, so that the features are never all in memory.
+def _read_object(window: _Window, lists: Collection[str]) -> Iterator[Element | Document]:
+    # Read member by member, so that the elements of a list are never all in memory.
     members: dict[str, Any] = {}
-    has_features = False
+    streamed = set()
     window.take("{")
     window.begin()
     while window.has_item("}", first=not members):
@@ -136,29 +150,29 @@ def _read_object(window: _Window) -> Iterator[Element | Document]:
         window.take(":")
 
         # Read its value. As for all readers of JSON, the last member of a name counts; but
-        # features are yielded before a second list of them can come.
-        if name == "features" and window.peek() == "[":
-            if has_features:
-                raise window.damage("there is another list of features")
-            has_features = True
-            yield from _read_elements(window)
+        # elements are yielded before a second list of them can come.
+        if name in lists and window.peek() == "[":
+            if name in streamed:
+                raise window.damage(f"there is another list of {name}")
+            streamed.add(name)
+            yield from _read_elements(window, name)
             members[name] = []
             window.begin()
         else:
             members[name] = window.value()
         if len(members) > _MAX_MEMBERS:
-            raise window.damage(f"an object with more than {_MAX_MEMBERS:,} members is no GeoJSON")
+            raise window.damage(f"an object with more than {_MAX_MEMBERS:,} members is no log")
     yield Document(members)
 
 
-def _read_elements(window: _Window) -> Iterator[Element]:
+def _read_elements(window: _Window, member: str) -> Iterator[Element]:
     window.take("[")
     first = True
     while window.has_item("]", first=first):
         first = False
         # Elements are not kept here, so each may take as much memory as one value.
         window.begin()
-        yield Element(window.value())
+        yield Element(window.value(), member)
 
 
 class _Window:

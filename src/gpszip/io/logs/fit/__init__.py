@@ -1,0 +1,1 @@
+"""Logs of watches and bicycle computers in FIT."""

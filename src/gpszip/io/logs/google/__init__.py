@@ -1,0 +1,1 @@
+"""Location histories of Google, as its services and phones export them."""

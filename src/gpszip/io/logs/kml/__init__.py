@@ -1,0 +1,1 @@
+"""KML and KMZ: tracks, points with times, and lines."""

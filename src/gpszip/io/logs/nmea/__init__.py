@@ -1,0 +1,1 @@
+"""Logs of GPS receivers in NMEA 0183."""

@@ -1,0 +1,1 @@
+"""TCX: activities, courses and their trackpoints."""
