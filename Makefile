@@ -18,11 +18,12 @@ PYTHON ?= $(shell for p in $(CANDIDATES); do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help test lint types imports page warm pytest fuzz faults bench docs wheel man format demo clean
+.PHONY: help test lint types imports page warm pytest interop fuzz faults bench docs wheel man format demo clean
 
 help:
 	@echo "make test     check everything: ruff, mypy, import-linter, pytest; the 20 slowest tests are listed"
 	@echo "make page     check the script of the page with tsc, eslint and prettier, which needs node"
+	@echo "make interop  test frames and maps with polars, duckdb and all other packages that take them"
 	@echo "make fuzz     feed every reader and the container changed files for MINUTES=60, within bounds of memory and time"
 	@echo "make faults   let every system call of every command fail, kill each 200 times, compile for any processor (an hour)"
 	@echo "make bench    run the benchmarks (an hour)"
@@ -61,6 +62,10 @@ page:
 
 pytest: $(VENV)/.dev
 	$(BIN)/pytest -n $(WORKERS) --dist worksteal --durations=20 -rs
+
+# Frames and maps with all packages that take them; make test skips those that it doesn't install.
+interop: $(VENV)/.dev $(VENV)/.interop
+	$(BIN)/pytest -rs tests/io/frames tests/io/maps tests/test_pages.py tests/test_python_page.py
 
 fuzz: $(VENV)/.dev
 	PYTHONPATH=tests $(BIN)/python -m fuzz.run --minutes $(MINUTES)

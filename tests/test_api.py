@@ -126,7 +126,7 @@ def test_files_are_read_where_tracks_are_taken(tmp_path, archive):
     assert len(gpszip.coreset(path, size=10)) == len(gpszip.coreset(path, size=10, memory=1 << 30))
     later = write_csv(tmp_path / "later.txt", replace(patrol(200), id="later"))
     assert gpszip.append(archive, later, effort=1).ids == ("patrol", "later")
-    with pytest.raises(OptionError, match="tracks and paths"):
+    with pytest.raises(OptionError, match="tracks and logs"):
         gpszip.compress([patrol(), path])
 
 

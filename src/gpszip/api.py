@@ -12,10 +12,14 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING, BinaryIO, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, BinaryIO, Protocol, TypeAlias, cast
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gpszip.archive import Archive, ArchiveSource, open_archive
 from gpszip.errors import LossWarning, OptionError
+from gpszip.io.frames.recognise import is_frame
 from gpszip.model import Listener, Network, Options, Plane, ReadResult, SegmentMean, Track
 from gpszip.model.log import Log, MemoryLog
 from gpszip.model.selection import make_selection
@@ -23,6 +27,7 @@ from gpszip.model.timestamps import Times
 from gpszip.run.executor import Executor
 
 if TYPE_CHECKING:
+    from gpszip.io.frames.source import FrameSource
     from gpszip.model.match import Matching
     from gpszip.model.patching import Patching
     from gpszip.sketches.coreset import Coreset
@@ -45,10 +50,22 @@ __all__ = [
     "segment_mean",
 ]
 
-#: Where a log may come from: a path or a pattern (``walks/*.gpx``), or a binary stream.
-LogSource: TypeAlias = str | os.PathLike[str] | BinaryIO
 
-#: What functions take as a log: tracks, or files to read them from.
+class ArrowFrame(Protocol):
+    """A table of another package: pyarrow, polars, pandas, GeoDataFrame, DuckDB, ibis."""
+
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
+        """Give its rows as an Arrow stream."""
+
+
+#: A table of another package: one with an Arrow stream, columns by name (a dict of arrays, a
+#: Dataset of xarray), or a structured array. Trajectories of movingpandas are frames, too.
+Frame: TypeAlias = ArrowFrame | Mapping[Any, Any] | NDArray[np.void]
+
+#: Where a log may come from: a path or a pattern (``walks/*.gpx``), a binary stream, or a frame.
+LogSource: TypeAlias = str | os.PathLike[str] | BinaryIO | Frame
+
+#: What functions take as a log: tracks, or files and frames to read them from.
 Logs: TypeAlias = Track | LogSource | Sequence[Track] | Sequence[LogSource]
 
 
@@ -75,19 +92,21 @@ def read(
     times_file: str | os.PathLike[str] | None = None,
     rate: float | None = None,
 ) -> ReadResult:
-    r"""Read tracks from logs.
+    r"""Read tracks from logs: files, or frames of other packages.
 
     Rows without a time or a position, and rows that repeat a time of their track, are dropped and
     counted.
 
     Parameters
     ----------
-    sources : path, str, binary stream, or iterable of these
+    sources : path, str, binary stream, frame, or iterable of these
         Files, patterns (``walks/*.gpx``), folders of Parquet, zip archives of files, ``-`` for
-        standard input.
+        standard input. A frame is a table of pyarrow, polars, pandas, geopandas, DuckDB or ibis, a
+        trajectory of movingpandas, an xarray ``Dataset``, a structured array, or a dict of arrays.
+        Messages number its rows from 0.
     format : str, optional
-        A name that ``gpszip formats`` lists, such as ``csv`` or ``kml``; found by the content where
-        left out.
+        Format of files: a name that ``gpszip formats`` lists, such as ``csv`` or ``kml``; found by
+        the content where left out.
     columns : str, sequence of str, or mapping of str to str, optional
         ``t,x,y`` names the columns by position, ``t=when,x=east,y=north`` by name.
     time_unit : str, optional
@@ -156,12 +175,14 @@ def read(
     ...     tracks = read(log)
     >>> tracks[0].coordinates.tolist()
     [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]
+    >>> read({"t": [0, 1], "lat": [48.1, 48.2], "lon": [11.5, 11.5]})[0].coordinates.tolist()
+    [[48.1, 11.5], [48.2, 11.5]]
     """
     # Each function imports what it needs: who opens an archive doesn't wait for readers of logs.
     from gpszip.io.logs.read import read_logs
 
     # Read one source and several alike, and warn of tracks that lost many of their points.
-    # A text or a stream can be iterated, too, but it is one source.
+    # A text, a stream or a frame can be iterated, too, but it is one source.
     several = isinstance(sources, Iterable) and not _is_log_source(sources)
     listed = cast("Iterable[LogSource]", sources) if several else [cast("LogSource", sources)]
     result = read_logs(
@@ -212,9 +233,9 @@ def compress(
 
     Parameters
     ----------
-    tracks : Track or path, or sequence of either
-        Tracks on one plane, with different ids, which are not modified; or files, which are read as
-        :func:`read` does.
+    tracks : Track, path or frame, or sequence of these
+        Tracks on one plane, with different ids, which are not modified; or files and frames, which
+        are read as :func:`read` does.
     rmse, max_error : float, optional
         Bound on the root mean square, or on the largest, distance in metres between a sample and
         the decoded position at its time. They may be given together.
@@ -800,19 +821,30 @@ def save_coreset(coreset: Coreset, path: str | os.PathLike[str], *, force: bool 
 
 
 def _is_log_source(value: object) -> bool:
-    """Whether this is a single file to read: a path, a pattern or a stream."""
+    """Whether this is a single log to read: a path, a pattern, a stream or a frame."""
     # Streams are known by their method, as files, BytesIO and sockets share no class.
-    return isinstance(value, str | os.PathLike) or hasattr(value, "read")
+    return isinstance(value, str | os.PathLike) or hasattr(value, "read") or is_frame(value)
 
 
-def _as_names(sources: Iterable[LogSource]) -> list[str | BinaryIO]:
-    """Return paths of any kind as text, and streams as they are."""
+def _as_names(sources: Iterable[LogSource]) -> list[str | BinaryIO | FrameSource]:
+    """Return paths of any kind as text, streams as they are, and frames as sources."""
+    from gpszip.io.frames.source import frame_sources
+
     # Readers take text, since a pattern or - is no path.
-    return [os.fspath(each) if isinstance(each, os.PathLike) else each for each in sources]
+    listed = list(sources)
+    frames = iter(frame_sources([each for each in listed if is_frame(each)]))
+    return [
+        next(frames)
+        if is_frame(each)
+        else os.fspath(each)
+        if isinstance(each, os.PathLike)
+        else cast("str | BinaryIO", each)
+        for each in listed
+    ]
 
 
 def _files_among(tracks: Logs) -> list[LogSource] | None:
-    """Files that were given in place of tracks; None for tracks."""
+    """Files and frames that were given in place of tracks; None for tracks."""
     # A track has a length and takes slices, but can't be listed as a sequence can.
     if isinstance(tracks, Track):
         return None
@@ -823,7 +855,7 @@ def _files_among(tracks: Logs) -> list[LogSource] | None:
     values = list(cast("Sequence[Track | LogSource]", tracks))
     files = [cast("LogSource", value) for value in values if _is_log_source(value)]
     if files and len(files) < len(values):
-        raise OptionError("tracks and paths were given together", remedy="read the paths first")
+        raise OptionError("tracks and logs were given together", remedy="read the logs first")
     # An empty sequence passes for tracks: whoever takes them says that there are none.
     return files or None
 

@@ -148,7 +148,7 @@ def test_map_of_edges_with_many_traversals(gpszip, archive):
     assert len(json.loads(Path("map.geojson").read_text())["features"]) == 1
 
 
-@pytest.mark.parametrize("suffix", ["graphml", "gpkg", "csv"])
+@pytest.mark.parametrize("suffix", ["graphml", "gpkg", "fgb", "shp.zip", "parquet", "csv"])
 def test_map_in_other_formats(gpszip, archive, suffix):
     done = gpszip("map", archive, "-o", f"map.{suffix}")
     assert done.code == 0, done.err
@@ -191,7 +191,7 @@ def test_map_in_metres_is_no_openstreetmap(gpszip, archive):
 def test_map_of_unknown_format(gpszip, archive):
     done = gpszip("map", archive, "-o", "map.xyz")
     assert done.code == 1
-    assert ".geojson, .json, .graphml, .osm, .gpkg, .csv" in done.err
+    assert ".geojson, .json, .graphml, .osm, .gpkg, .fgb, .shp.zip, .shz" in done.err
 
 
 def test_info_for_people(gpszip, archive):

@@ -96,7 +96,18 @@ def patrol_on_earth(count):
 
 
 @pytest.mark.parametrize(
-    "name", ["map.gpkg", "map.geojson", "map.graphml", "map.osm", "map.csv", "intact.gpsz"]
+    "name",
+    [
+        "map.gpkg",
+        "map.fgb",
+        "map.shp.zip",
+        "map.parquet",
+        "map.geojson",
+        "map.graphml",
+        "map.osm",
+        "map.csv",
+        "intact.gpsz",
+    ],
 )
 def test_a_full_disk_keeps_the_old_map(small_disk, archive, run, name):
     path = small_disk / name

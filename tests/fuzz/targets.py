@@ -280,6 +280,14 @@ ROADS_GRAPHML = (
 """,
 )
 
+ROADS_CSV = (
+    """name,wkt,oneway,maxspeed
+High Street,"LINESTRING (11.5 48.1, 11.6 48.1)",yes,50
+,"MULTILINESTRING ((11.6 48.1, 11.6 48.2))",no,
+""",
+    "u,v,u_lon,u_lat,v_lon,v_lat\n0,1,11.5,48.1,11.6,48.1\n1,2,11.6,48.1,11.6,48.2\n",
+)
+
 ROADS_OSM = (
     """<?xml version="1.0" encoding="UTF-8"?>
 <osm version="0.6">
@@ -397,6 +405,23 @@ def _bags() -> Sequence[bytes]:
         ]
         files.append(write_bag(Path(folder) / "log", "bag", messages))
         return [file.read_bytes() for file in files]
+
+
+def _road_parquets() -> Sequence[bytes]:
+    """A map in degrees, and one in metres."""
+    import numpy as np
+
+    from gpszip.model import Plane, RoadMap
+
+    nodes = np.array([[0.0, 0.0], [300.0, 0.0], [300.0, 400.0]])
+    edges, counts = np.array([[0, 1], [1, 2]], np.int32), np.ones(2, np.int64)
+    files = []
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+        for number, plane in enumerate((None, Plane(((480_000_000, 110_000_000),)))):
+            path = Path(folder) / f"{number}.parquet"
+            RoadMap(nodes, edges, counts, counts, plane).save(path)
+            files.append(path.read_bytes())
+    return files
 
 
 @cache
@@ -652,6 +677,8 @@ TARGETS = {
     ),
     "roads geojson": Target(_network(".geojson"), _texts(ROADS_GEOJSON)),
     "roads graphml": Target(_network(".graphml"), _texts(ROADS_GRAPHML)),
+    "roads csv": Target(_network(".csv"), _texts(ROADS_CSV)),
+    "roads parquet": Target(_network(".parquet"), _road_parquets, mutations.BINARY),
     "roads osm": Target(_network(".osm"), _texts(ROADS_OSM)),
     "roads pbf": Target(_network(".osm.pbf"), _pbfs, mutations.BINARY),
     "roads prepared": Target(_network(".gpsz"), _prepared, mutations.BINARY),

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.archive.facts import count_facts, file_facts
+from gpszip.archive.frames import ArchiveFrames
 from gpszip.archive.pieces import (
     build_pieces,
     pieces_by_track,
@@ -61,7 +62,7 @@ _MAX_LISTED_IDS = 5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Archive:
+class Archive(ArchiveFrames):
     """A road map that was learned from tracks, and one walk on it for each track.
 
     Get one from :func:`gpszip.compress` or :func:`gpszip.open`. Whatever is asked is decoded when

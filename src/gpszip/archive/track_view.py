@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.archive.frames import TrackFrames
 from gpszip.archive.pieces import clip_to_time_range, time_range_of_piece
 from gpszip.errors import OptionError
 from gpszip.model.text import count_text
@@ -24,7 +25,7 @@ __all__ = ["TrackView"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TrackView:
+class TrackView(TrackFrames):
     """One track of an archive: ``archive["walk-3"]``.
 
     It decodes the group of the track and no other, save for ``walk`` and ``waypoints``, which are

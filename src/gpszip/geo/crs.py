@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,11 @@ from gpszip.errors import InputError
 if TYPE_CHECKING:
     from pyproj import CRS
 
-__all__ = ["is_geographic", "is_local", "to_degrees"]
+__all__ = ["METRES", "is_geographic", "is_local", "to_degrees", "to_projjson"]
+
+#: Metres in x and y that have no place on the earth. Without a coordinate system, programs ask for
+#: one, or take metres for degrees.
+METRES = 'LOCAL_CS["metres",UNIT["metre",1]]'
 
 #: Characters of an unknown CRS in a message; well-known text takes many lines.
 _MAX_CRS_CHARACTERS = 60
@@ -101,6 +105,18 @@ def to_degrees(points: NDArray[np.float64], crs: str, where: str) -> NDArray[np.
     except ProjError as error:
         raise _unknown_crs_error(crs, where) from error
     return np.stack((lon, lat), axis=1)
+
+
+def to_projjson(crs: str) -> dict[str, Any]:
+    """Return a coordinate system as PROJJSON, as GeoParquet names it.
+
+    Examples
+    --------
+    >>> to_projjson(METRES)["type"]
+    'EngineeringCRS'
+    """
+    projjson: dict[str, Any] = _parse_crs(crs, "").to_json_dict()
+    return projjson
 
 
 def _parse_crs(crs: str, where: str) -> CRS:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gpszip.model.directed_edges import DirectedEdges, split_directions
 from gpszip.model.grid import Plane
+from gpszip.model.map_methods import MapMethods
 from gpszip.model.projection import map_coordinates
 from gpszip.model.text import axes_text, count_text
 
@@ -16,7 +17,7 @@ __all__ = ["CleanMap"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CleanMap:
+class CleanMap(MapMethods):
     """Edges, which are lines between junctions or dead ends, and what the walks say of each.
 
     Parameters

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import overload
 
+from gpszip.model.frames import FrameMethods
 from gpszip.model.html import to_html
 from gpszip.model.text import count_text
 from gpszip.model.track import Track
@@ -100,7 +101,7 @@ class Loss:
 
 
 @dataclass(frozen=True, eq=False)
-class ReadResult(Sequence[Track]):
+class ReadResult(Sequence[Track], FrameMethods):
     """Tracks on one common plane, and a record of how they were made from the logs.
 
     Every point read is either in a track or counted by a repair that drops points:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gpszip.model.directed_edges import DirectedEdges, split_directions
 from gpszip.model.grid import Plane
 from gpszip.model.html import to_html
+from gpszip.model.map_methods import MapMethods
 from gpszip.model.projection import map_coordinates
 from gpszip.model.text import axes_text, count_text
 
@@ -17,7 +18,7 @@ __all__ = ["RoadMap"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RoadMap:
+class RoadMap(MapMethods):
     """Nodes and the edges between them, each counted by direction.
 
     Parameters

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import OptionError, TrackError
+from gpszip.model.frames import FrameMethods
 from gpszip.model.grid import Plane
 from gpszip.model.html import to_html
 from gpszip.model.projection import map_coordinates
@@ -21,7 +22,7 @@ __all__ = ["Track", "time_bounds", "tracks_from_rows"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Track:
+class Track(FrameMethods):
     """Times and positions of one agent, the thesis's signal P.
 
     Positions are kept in metres on a plane. ``coordinates`` gives them as the log has them: in

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any, BinaryIO, Unpack
+from typing import Any, Unpack
 
+from gpszip.io.logs.log_file import Sources
 from gpszip.io.logs.read import ReadOptions, read_logs
 from gpszip.model import Listener, Plane, Progress
 from gpszip.model.log import Log, MemoryLog
@@ -18,7 +18,7 @@ __all__ = ["open_log"]
 
 @contextmanager
 def open_log(
-    sources: str | Path | BinaryIO | Iterable[str | Path | BinaryIO],
+    sources: Sources,
     *,
     memory: int | None = None,
     plane: Plane | None = None,
@@ -31,7 +31,7 @@ def open_log(
     Parameters
     ----------
     sources : path, stream or iterable of them
-        Files, patterns, folders of Parquet; ``-`` is standard input.
+        Files, patterns, folders of Parquet, sources of frames; ``-`` is standard input.
     memory : int, optional
         Bytes that compressing the log may take, at least 400 MiB. A log that would take more is
         sorted by track and time into a temporary file, which goes when the context ends.

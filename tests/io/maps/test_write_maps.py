@@ -1,12 +1,14 @@
 import csv
 import json
 import re
+import zipfile
 from dataclasses import replace
 from itertools import pairwise
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pyogrio
 import pytest
 from scipy.sparse import coo_array
@@ -18,6 +20,9 @@ from gpszip.io.maps.write import map_suffixes, write_map
 from gpszip.io.networks.read import read_network
 from gpszip.io.networks.wkb import parse_wkb_lines
 from gpszip.model import CleanMap, Plane, RoadMap
+
+#: Suffixes of formats that are written only.
+NO_NETWORKS = (".kml", ".png", ".svg", ".pdf")
 
 
 def square(d=2, plane=None):
@@ -77,13 +82,25 @@ def test_graphml_is_a_directed_graph(tmp_path):
     space = {"g": "http://graphml.graphdrawing.org/xmlns"}
     root = ET.parse(tmp_path / "map.graphml").getroot()  # our own file
     assert [node.get("id") for node in root.findall(".//g:node", space)] == ["0", "1", "2"]
-    edges = root.findall(".//g:edge", space)
-    assert [
-        (edge.get("source"), edge.get("target"), *(data.text for data in edge)) for edge in edges
-    ] == [("0", "1", "3", "300.0"), ("1", "2", "2", "400.0"), ("2", "1", "2", "400.0")]
+    names = {key.get("id"): key.get("attr.name") for key in root.findall("g:key", space)}
+    edges = [
+        (
+            edge.get("source"),
+            edge.get("target"),
+            {names[data.get("key")]: data.text for data in edge},
+        )
+        for edge in root.findall(".//g:edge", space)
+    ]
+    there = {"traversals": "3", "oneway": "True", "reversed": "False", "length": "300.0"}
+    both = {"traversals": "2", "oneway": "False", "length": "400.0"}
+    assert edges == [
+        ("0", "1", {"edge": "0", **there}),
+        ("1", "2", {"edge": "1", "reversed": "False", **both}),
+        ("2", "1", {"edge": "1", "reversed": "True", **both}),
+    ]
     assert root.find("g:graph", space).get("edgedefault") == "directed"
-    keys = {key.get("id") for key in root.findall("g:key", space)}
-    assert {data.get("key") for data in root.findall(".//g:data", space)} == keys
+    assert {key.get("attr.type") for key in root.findall("g:key", space)} == {"string"}
+    assert {data.get("key") for data in root.findall(".//g:data", space)} == set(names)
 
 
 def test_csv_has_the_positions_of_both_ends(tmp_path):
@@ -114,6 +131,72 @@ def test_standard_output(capfdbinary):
     assert capfdbinary.readouterr().out.startswith(
         b"u,v,forward,backward,length,u_x,u_y,v_x,v_y\n0,1,3,0,300,"
     )
+
+
+def test_a_shapefile_is_an_archive_of_files(tmp_path):
+    write_map(square(plane=BERLIN), tmp_path / "map.shp.zip")
+    with zipfile.ZipFile(tmp_path / "map.shp.zip") as archive:
+        names = archive.namelist()
+    assert {"edges.dbf", "edges.prj", "edges.shp", "edges.shx"} <= set(names)
+    assert names == sorted(names)
+    with pytest.raises(OutputError, match=r"several files.*end the name with \.shp\.zip"):
+        write_map(square(plane=BERLIN), tmp_path / "map.shp")
+
+
+@pytest.mark.parametrize("suffix", [".fgb", ".shp.zip"])
+@pytest.mark.parametrize(("d", "plane"), [(2, None), (3, None), (2, BERLIN)])
+def test_vector_files_are_read_by_gdal(tmp_path, suffix, d, plane):
+    write_map(square(d, plane), tmp_path / f"map{suffix}")
+    meta, _, geometry, columns = pyogrio.raw.read(tmp_path / f"map{suffix}")
+    values = dict(zip(meta["fields"].tolist(), columns, strict=True))
+    # FlatGeobuf orders features by where they are.
+    order = np.lexsort([values["v"], values["u"]])
+    assert values["forward"][order].tolist() == [3, 0, 2, 0]
+    assert values["length"][order].tolist()[0] == (300.0 if d == 2 else 300.002)
+    ends = np.frombuffer(geometry[order][1][9:], "<f8").reshape(2, d)
+    assert np.allclose(ends, square(d).nodes[[0, 2]]) == (plane is None)
+    assert (meta["crs"] == "EPSG:4326") == (plane is not None)
+
+
+@pytest.mark.parametrize("plane", [None, BERLIN], ids=["metres", "degrees"])
+def test_geoparquet_names_its_lines(tmp_path, plane):
+    write_map(square(plane=plane), tmp_path / "map.parquet")
+    table = pq.read_table(tmp_path / "map.parquet")
+    assert table.column("forward").to_pylist() == [3, 0, 2, 0]
+    geo = json.loads(table.schema.metadata[b"geo"])
+    column = geo["columns"][geo["primary_column"]]
+    assert (column["encoding"], column["geometry_types"]) == ("WKB", ["LineString"])
+    # The default of the format is longitude and latitude.
+    assert column.get("crs", {}).get("type") == (None if plane else "EngineeringCRS")
+    points, offsets, _, _ = parse_wkb_lines(table.column("geometry").combine_chunks())
+    assert offsets.tolist() == [0, 2, 4, 6, 8]
+    assert column["bbox"] == [*points.min(axis=0).tolist(), *points.max(axis=0).tolist()]
+
+
+@pytest.mark.parametrize("plane", [None, BERLIN], ids=["metres", "degrees"])
+@pytest.mark.parametrize("suffix", [s for s in map_suffixes() if s not in NO_NETWORKS])
+def test_a_map_is_read_as_a_network(tmp_path, suffix, plane):
+    if suffix == ".osm" and plane is None:
+        pytest.skip("this format holds degrees only")
+    write_map(square(plane=plane), tmp_path / f"map{suffix}", min_traversals=1)
+    network = read_network(tmp_path / f"map{suffix}")
+    assert (len(network.nodes), len(network.starts)) == (3, 3)
+    steps = network.nodes[network.ends] - network.nodes[network.starts]
+    lengths = sorted(np.hypot(*steps.T).tolist())
+    assert lengths == pytest.approx([300, 400, 500], abs=0.05)
+    assert (network.plane is None) == (plane is None)
+
+
+def test_a_map_is_saved_once_unless_it_is_forced(tmp_path):
+    square().save(tmp_path / "map.csv")
+    written = (tmp_path / "map.csv").read_bytes()
+    write_map(square(), tmp_path / "other.csv")
+    assert written == (tmp_path / "other.csv").read_bytes()
+    with pytest.raises(OutputError):
+        square(3).save(tmp_path / "map.csv")
+    assert (tmp_path / "map.csv").read_bytes() == written
+    square(3).save(tmp_path / "map.csv", force=True)
+    assert (tmp_path / "map.csv").read_bytes() != written
 
 
 def test_unknown_formats_are_named(tmp_path):
@@ -195,10 +278,11 @@ def test_lines_of_graphml_lead_from_source_to_target(tmp_path):
 
 def graphml_lines(path):
     space = {"g": "http://graphml.graphdrawing.org/xmlns"}
-    edges = ET.parse(path).getroot().findall(".//g:edge", space)
+    root = ET.parse(path).getroot()
+    key = root.find("g:key[@attr.name='geometry']", space).get("id")
     return [
-        (edge.get("source"), edge.get("target"), edge.find("g:data[@key='line']", space).text)
-        for edge in edges
+        (edge.get("source"), edge.get("target"), edge.find(f"g:data[@key='{key}']", space).text)
+        for edge in root.findall(".//g:edge", space)
     ]
 
 
@@ -207,7 +291,9 @@ def numbers(line):
     return re.findall(r"-?[\d.]+ -?[\d.]+", line)
 
 
-@pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".graphml", ".osm"])
+@pytest.mark.parametrize(
+    "suffix", [".geojson", ".gpkg", ".fgb", ".shp.zip", ".parquet", ".graphml", ".osm"]
+)
 def test_lines_cut_at_the_antimeridian_are_joined_in_a_network(tmp_path, suffix):
     around = square(plane=DATE_LINE)
     write_map(replace(around, nodes=around.nodes - [150, 0]), tmp_path / f"map{suffix}")

@@ -63,7 +63,7 @@ def read_xml(path):
 def test_a_way_leads_where_it_was_travelled(tmp_path):
     write_map(square(), tmp_path / "map.osm")
     root, nodes, ways = read_xml(tmp_path / "map.osm")
-    assert root.attrib == {"version": "0.6", "generator": "GPSZip", "upload": "false"}
+    assert root.attrib == {"version": "0.6", "generator": "GPSZip", "upload": "never"}
     assert list(nodes) == [-1, -2, -3]
     assert nodes[-1] == (52.5, 13.4)
     assert ways == {
@@ -207,5 +207,6 @@ def test_a_map_in_metres_is_refused(tmp_path, road_map):
         write_map(road_map, tmp_path / "map.osm")
     assert caught.value.path == str(tmp_path / "map.osm")
     assert "in x and y" in caught.value.reason
-    assert caught.value.remedy == "write another format: geojson, graphml, gpkg, csv, png, svg, pdf"
+    others = "geojson, graphml, gpkg, flatgeobuf, shapefile, parquet, csv, png, svg, pdf"
+    assert caught.value.remedy == f"write another format: {others}"
     assert list(tmp_path.iterdir()) == []

@@ -261,7 +261,7 @@ class FileCollector:
             raise nearly_lost_error(self.name, self.rows, self.row_noun, causes)
 
         # What the reader repaired comes first.
-        self.bytes = self.source.size
+        self.bytes = self.source.log_bytes(self.points, self.coordinate_kind.dimension)
         self.repairs = [*self._reader_repairs, *self.repairs]
 
     def _leave_out_stopped_tracks(self) -> None:

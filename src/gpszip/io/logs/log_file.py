@@ -15,6 +15,7 @@ from typing import BinaryIO, TypeAlias
 import pyarrow as pa
 
 from gpszip.errors import InputError, OptionError
+from gpszip.io.frames.source import FRAME_FORMAT, FrameSource
 from gpszip.io.logs.formats import format_for_reading, format_named, is_bundle, log_formats
 from gpszip.io.logs.log_format import SPECIAL_OPTIONS, CoordinateKind, LogBatches, LogFormat
 from gpszip.io.logs.plausibility import check_plausible
@@ -141,7 +142,7 @@ def _open_log_file(
     # An error is kept with its file. Raised here, it would end the generator, and with it the files
     # after this one.
     try:
-        chosen = format_for_reading(source) if format_ is None else format_named(format_)
+        chosen = _choose_format(source, format_)
         refuse_unknown_options(chosen, request, source.name)
         opened = None
         if in_batches and chosen.read_batches is not None:
@@ -173,6 +174,13 @@ def refuse_unknown_options(format_: LogFormat, request: Request, where: str) -> 
             path=where,
             remedy=f"leave it out; it is for {' and '.join(knowing)}",
         )
+
+
+def _choose_format(source: Source, format_: str | None) -> LogFormat:
+    """Return the format that the user states, or that the content of a file has."""
+    if isinstance(source, FrameSource):
+        return FRAME_FORMAT
+    return format_for_reading(source) if format_ is None else format_named(format_)
 
 
 def refuse_mismatches(files: Iterable[LogFile]) -> list[LogFile]:

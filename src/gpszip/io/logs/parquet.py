@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -18,7 +18,8 @@ from gpszip.io.logs.table_batches import TableBatch, interpret_batches
 from gpszip.io.logs.track_rows import TrackRows
 from gpszip.io.logs.track_table import track_tables
 from gpszip.io.storage.source import Source
-from gpszip.io.tables.roles import Roles, find_roles
+from gpszip.io.tables.given_columns import find_requested_roles, rename_columns
+from gpszip.io.tables.roles import Roles
 from gpszip.io.tables.table import build_raw_log
 
 __all__ = ["read_parquet", "read_parquet_batches", "sniff_parquet", "write_parquet"]
@@ -28,9 +29,6 @@ _BATCH_ROWS = 1 << 17
 
 #: Letters of an error message of Arrow that are shown.
 _MAX_REASON_LETTERS = 120
-
-#: Names by which ``--columns`` passes over a column.
-_UNNAMED = ("", "-", "_")
 
 
 def sniff_parquet(head: bytes) -> bool:
@@ -58,8 +56,8 @@ def read_parquet(source: Source, request: Request) -> RawLog:
     """
     try:
         dataset = _open_dataset(source)
-        names = _column_names(dataset.schema, request, source.name)
-        roles = _find_roles(names, request, source.name)
+        names = rename_columns(dataset.schema.names, request, source.name)
+        roles = find_requested_roles(names, request, source.name)
         table = dataset.to_table(columns=_columns_used(dataset.schema, roles))
         table.validate(full=True)  # finds texts that aren't UTF-8, for instance
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
@@ -94,8 +92,8 @@ def read_parquet_batches(source: Source, request: Request) -> LogBatches | None:
     if path is None or source.is_gzip:
         return None
     schema = _open_dataset(source).schema
-    names = _column_names(schema, request, source.name)
-    roles = _find_roles(names, request, source.name)
+    names = rename_columns(schema.names, request, source.name)
+    roles = find_requested_roles(names, request, source.name)
     return LogBatches(
         interpret_batches(_ParquetReader(source, names, roles), request),
         CoordinateKind(roles.geographic, len(roles.axes), _geoparquet_crs(schema)),
@@ -189,32 +187,6 @@ def _check_names(schema: Any, where: str) -> None:
             path=where,
             remedy="give them different names where the file is written",
         )
-
-
-def _column_names(schema: Any, request: Request, where: str) -> tuple[str, ...]:
-    """Return the names of a table's columns, replaced by those that the user gives in order."""
-    names = tuple(str(name) for name in schema.names)
-    if not isinstance(request.columns, tuple):
-        return names
-    if len(request.columns) > len(names):
-        raise InputError(
-            f"has {len(names)} columns, but --columns names {len(request.columns)}", path=where
-        )
-    renamed = tuple(
-        old if new in _UNNAMED else new for new, old in zip(request.columns, names, strict=False)
-    )
-    return renamed + names[len(renamed) :]
-
-
-def _find_roles(names: tuple[str, ...], request: Request, where: str) -> Roles:
-    return find_roles(
-        names,
-        request.columns if isinstance(request.columns, Mapping) else None,
-        request.keep,
-        where,
-        heading=request.heading,
-        times=request.times,
-    )
 
 
 def _columns_used(schema: Any, roles: Roles) -> list[str]:

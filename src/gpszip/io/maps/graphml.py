@@ -1,16 +1,14 @@
-"""Write a map as GraphML, for programs that work on graphs."""
+"""Write a map as GraphML, for osmnx, networkx and other programs that work on graphs."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
+from xml.sax.saxutils import escape
 
-import numpy as np
-
+from gpszip.io.maps.directed import directed_table
 from gpszip.io.maps.table import MapTable
-from gpszip.model.directed_edges import split_directions
 
 __all__ = ["write_map_graphml"]
 
@@ -19,17 +17,17 @@ _HEADER = (
     '<graphml xmlns="http://graphml.graphdrawing.org/xmlns">\n'
 )
 
-#: Columns of a map that an edge of one direction has in another form: its source, its target, and
-#: one number of traversals.
-_COLUMNS_BY_DIRECTION = ("u", "v", "forward", "backward")
+#: Columns of a line that the element of an edge has in another form.
+_ENDS = ("u", "v", "key")
 
 
 def write_map_graphml(table: MapTable, path: Path) -> None:
     """Write a directed graph: an edge for each direction that was travelled.
 
-    Nodes have lon, lat or x, y[, z]. Edges have ``traversals`` in their direction, and the other
-    columns. Edges with a shape have well-known text in the attribute ``line``, from source to
-    target.
+    Nodes have ``x`` and ``y`` (longitude and latitude, or metres) and ``z`` if there is one. Edges
+    have the columns of :func:`gpszip.io.maps.directed.directed_table`; edges with a shape have
+    well-known text in ``geometry``, from source to target. The graph has its coordinate system in
+    ``crs``. All values are of type string, which is what osmnx reads and writes.
 
     Parameters
     ----------
@@ -43,68 +41,40 @@ def write_map_graphml(table: MapTable, path: Path) -> None:
 
 
 def _iterate_xml(table: MapTable) -> Iterator[str]:
-    # Keys: names and types of attributes.
+    # Keys: short names of attributes, as they stand at each edge
+    directed = directed_table(table)
+    columns = {name: v for name, v in directed.properties.items() if name not in _ENDS}
+    node_keys = {name: f"n{i}" for i, name in enumerate("xyz"[: table.node_positions.shape[1]])}
+    shape = ["geometry"] if table.has_shapes else []
+    edge_keys = {name: f"e{i}" for i, name in enumerate([*columns, *shape])}
     yield _HEADER
-    for axis in table.axes:
-        yield f'<key id="{axis}" for="node" attr.name="{axis}" attr.type="double"/>\n'
-    yield '<key id="traversals" for="edge" attr.name="traversals" attr.type="long"/>\n'
-    columns = {
-        name: column
-        for name, column in table.properties.items()
-        if name not in _COLUMNS_BY_DIRECTION
-    }
-    for name, column in columns.items():
-        kind = "long" if column.dtype.kind == "i" else "double"
-        yield f'<key id="{name}" for="edge" attr.name="{name}" attr.type="{kind}"/>\n'
-    if table.has_shapes:
-        yield '<key id="line" for="edge" attr.name="line" attr.type="string"/>\n'
-    yield '<graph edgedefault="directed">\n'
+    for element, keys in (("graph", {"crs": "g0"}), ("node", node_keys), ("edge", edge_keys)):
+        for name, key in keys.items():
+            yield f'<key id="{key}" for="{element}" attr.name="{name}" attr.type="string"/>\n'
+    yield f'<graph edgedefault="directed">\n{_data("g0", escape(table.crs))}\n'
 
-    # Nodes.
-    node_positions = table.node_positions.tolist()
+    # Nodes
+    positions = table.node_positions.tolist()
     for node in table.nodes.tolist():
-        data = "".join(
-            f'<data key="{axis}">{value!r}</data>'
-            for axis, value in zip(table.axes, node_positions[node], strict=True)
-        )
+        data = "".join(map(_data, node_keys.values(), positions[node]))
         yield f'<node id="{node}">{data}</node>\n'
 
-    # What both directions of a street share. An attribute that is NaN is left out.
-    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    shared = [
-        "".join(
-            f'<data key="{name}">{value!r}</data>'
-            for name, value in zip(columns, values, strict=True)
+    # Edges; an attribute that is NaN is left out.
+    ends = zip(directed.properties["u"].tolist(), directed.properties["v"].tolist(), strict=True)
+    cells = [column.tolist() for column in columns.values()]
+    cells += [directed.wkt] if table.has_shapes else []
+    for (source, target), values in zip(ends, zip(*cells, strict=True), strict=True):
+        data = "".join(
+            _data(key, value)
+            for key, value in zip(edge_keys.values(), values, strict=True)
             if not _is_nan(value)
         )
-        for values in rows
-    ]
-
-    # Edges, each with its line in its own direction.
-    properties = {name: table.properties[name].astype(np.int64) for name in _COLUMNS_BY_DIRECTION}
-    pairs = np.stack([properties["u"], properties["v"]], axis=1).astype(np.int32)
-    directed = split_directions(pairs, properties["forward"], properties["backward"])
-    # Reversing all points reverses the order of the lines, too, which the last slice restores.
-    lines = {True: table.wkt, False: _reversed(table).wkt[::-1]} if table.has_shapes else None
-    for (source, target, traversals), edge, forward in zip(
-        directed, directed.edges.tolist(), directed.forward.tolist(), strict=True
-    ):
-        data = f'<data key="traversals">{traversals}</data>{shared[edge]}'
-        if lines is not None:
-            data += f'<data key="line">{lines[forward][edge]}</data>'
         yield f'<edge source="{source}" target="{target}">{data}</edge>\n'
     yield "</graph>\n</graphml>\n"
 
 
-def _reversed(table: MapTable) -> MapTable:
-    """Return the table with all points in the opposite order: each line, and the lines."""
-    count = len(table.points)
-    return replace(
-        table,
-        points=table.points[::-1],
-        offsets=count - table.offsets[::-1],
-        cuts=count - table.cuts[::-1],
-    )
+def _data(key: str, value: object) -> str:
+    return f'<data key="{key}">{value}</data>'
 
 
 def _is_nan(value: object) -> bool:

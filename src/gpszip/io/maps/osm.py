@@ -27,10 +27,10 @@ _PREFIX = "gpszip:"
 #: Columns of a map that ways have in another form: nodes, and counts along and against the way.
 _COLUMNS_BY_DIRECTION = ("u", "v", "forward", "backward")
 
-#: JOSM asks before it uploads a file with ``upload="false"``.
+#: JOSM uploads nothing of a file with ``upload="never"``: it was learned, not surveyed.
 _HEADER = (
     '<?xml version="1.0" encoding="UTF-8"?>\n'
-    '<osm version="0.6" generator="GPSZip" upload="false">\n'
+    '<osm version="0.6" generator="GPSZip" upload="never">\n'
 )
 
 

@@ -8,12 +8,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.geo.crs import METRES
 from gpszip.geo.degree_lines import DegreeLines, lines_in_degrees
 from gpszip.geo.planes import to_geographic
 from gpszip.io.logs.track_rows import DEGREE_DIGITS, round_decimals
 from gpszip.model import CleanMap, Plane, RoadMap
 
-__all__ = ["MapTable", "clean_map_table", "map_table"]
+__all__ = ["MapTable", "clean_map_table", "learned_table", "map_table"]
 
 #: Decimals of metres in files.
 _DECIMALS = 3
@@ -63,6 +64,11 @@ class MapTable:
         return ["lon", "lat"] if self.geographic else list("xyz"[: self.node_positions.shape[1]])
 
     @property
+    def crs(self) -> str:
+        """Coordinate system: degrees on the earth, or metres of no place on it."""
+        return "EPSG:4326" if self.geographic else METRES
+
+    @property
     def nodes(self) -> NDArray[np.int64]:
         """Nodes at which a line starts or ends, in the order of their numbers."""
         ends = np.concatenate([self.properties["u"], self.properties["v"]])
@@ -105,6 +111,21 @@ class MapTable:
             else:
                 lines.append(f"MULTILINESTRING{z_flag} ({', '.join(texts)})")
         return lines
+
+
+def learned_table(learned: RoadMap | CleanMap, min_traversals: int = 0) -> MapTable:
+    """Return a map of either kind as columns.
+
+    Parameters
+    ----------
+    learned : RoadMap or CleanMap
+        The map.
+    min_traversals : int
+        Leave out edges of a road map with fewer traversals; a clean map has its own minimum.
+    """
+    if isinstance(learned, CleanMap):
+        return clean_map_table(learned)
+    return map_table(learned, min_traversals)
 
 
 def map_table(road_map: RoadMap, min_traversals: int = 0) -> MapTable:

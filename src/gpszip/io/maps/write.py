@@ -63,6 +63,7 @@ class MapFormat:
 
 
 _write_geojson = deferred("gpszip.io.maps.geojson", "write_map_geojson")
+_write_vector = deferred("gpszip.io.maps.vector", "write_map_vector")
 _write_picture = deferred("gpszip.io.maps.picture", "write_map_picture")
 
 #: Formats in the order in which help texts name them; the first is that of standard output.
@@ -75,8 +76,19 @@ MAP_FORMATS: tuple[MapFormat, ...] = (
     ),
     MapFormat("graphml", (".graphml",), deferred("gpszip.io.maps.graphml", "write_map_graphml")),
     MapFormat("osm", (".osm",), deferred("gpszip.io.maps.osm", "write_map_osm"), degrees_only=True),
+    MapFormat("gpkg", (".gpkg",), partial(_write_vector, driver="GPKG"), is_binary=True),
+    MapFormat("flatgeobuf", (".fgb",), partial(_write_vector, driver="FlatGeobuf"), is_binary=True),
     MapFormat(
-        "gpkg", (".gpkg",), deferred("gpszip.io.maps.gpkg", "write_map_gpkg"), is_binary=True
+        "shapefile",
+        (".shp.zip", ".shz"),
+        deferred("gpszip.io.maps.vector", "write_map_shapefile"),
+        is_binary=True,
+    ),
+    MapFormat(
+        "parquet",
+        (".parquet", ".geoparquet"),
+        deferred("gpszip.io.maps.geoparquet", "write_map_geoparquet"),
+        is_binary=True,
     ),
     MapFormat("csv", (".csv",), deferred("gpszip.io.maps.csv", "write_map_csv")),
     MapFormat("kml", (".kml",), deferred("gpszip.io.maps.kml", "write_map_kml"), degrees_only=True),
@@ -151,12 +163,19 @@ def find_map_format(path: str | Path, name: str | None = None) -> MapFormat:
         return MAP_FORMATS[0]
 
     # Find it by its name or by a suffix.
-    suffix = Path(path).suffix.lower() if name is None else f".{name.lower()}"
+    end = Path(path).name.lower() if name is None else f".{name.lower()}"
     for map_format in _built_in_first():
-        if suffix in map_format.suffixes or (name is not None and name.lower() == map_format.name):
+        is_named = name is not None and name.lower() == map_format.name
+        if is_named or end.endswith(map_format.suffixes):
             return map_format
 
     # There is none: say which there are.
+    if end.endswith(".shp"):
+        raise OutputError(
+            "a Shapefile is several files, which are written as one zip archive",
+            path=path,
+            remedy="end the name with .shp.zip",
+        )
     if name is not None:
         names = ", ".join(map_format.name for map_format in map_formats())
         raise OutputError(f"no format {name!r} for maps", path=path, remedy=f"there are {names}")
@@ -174,6 +193,7 @@ def write_map(
     *,
     format: str | None = None,
     nodes: bool = False,
+    force: bool = True,
 ) -> None:
     """Write a map; positions on the earth as longitude and latitude.
 
@@ -182,8 +202,7 @@ def write_map(
     road_map : RoadMap or CleanMap
         Nodes and edges as they were learned, or junctions and the streets between them.
     path : str or Path
-        The file; ``-`` for standard output. It replaces another file of this name once it is
-        complete.
+        The file, which appears once it is complete; ``-`` for standard output.
     min_traversals : int
         Leave out edges with fewer traversals in both directions together. A clean map has its own
         minimum.
@@ -192,13 +211,15 @@ def write_map(
         GeoJSON for ``-``.
     nodes : bool
         Write the nodes to GeoJSON, too.
+    force : bool, default True
+        Replace another file of this name.
 
     Raises
     ------
     OutputError
         If the format is unknown, it can't hold x and y, or the file can't be written.
     """
-    from gpszip.io.maps.table import clean_map_table, map_table
+    from gpszip.io.maps.table import learned_table
 
     # Find the writer.
     map_format = find_map_format(path, format)
@@ -208,12 +229,10 @@ def write_map(
         write = map_format.write_with_nodes
 
     # Write the columns of the map.
-    if isinstance(road_map, CleanMap):
-        table = clean_map_table(road_map)
-    else:
-        table = map_table(road_map, min_traversals)
+    table = learned_table(road_map, min_traversals)
     # Writers take a path, so that standard output gets a copy of a temporary file.
-    with to_stdout(map_format.suffixes[0]) if str(path) == "-" else atomic_write(path) as file:
+    is_stdout, suffix = str(path) == "-", map_format.suffixes[0]
+    with to_stdout(suffix) if is_stdout else atomic_write(path, force=force) as file:
         write(table, file)
 
 

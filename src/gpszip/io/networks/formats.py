@@ -205,6 +205,27 @@ def _gdal_source(source: Source) -> str | bytes:
     return f"/vsizip/{source.path}" if is_zip else str(source.path)
 
 
+# Tables.
+
+
+def _read_parquet(source: Source, metric: bool | None) -> RoadLines:
+    from gpszip.io.networks.tables import read_parquet_lines
+
+    return read_parquet_lines(source, metric=metric)
+
+
+def _is_csv(head: bytes, _name: str) -> bool:
+    from gpszip.io.networks.tables import is_road_table
+
+    return is_road_table(head)
+
+
+def _read_csv(source: Source, metric: bool | None) -> RoadLines:
+    from gpszip.io.networks.tables import read_csv_lines
+
+    return read_csv_lines(source, metric=metric)
+
+
 # Prepared networks.
 
 
@@ -231,10 +252,13 @@ NETWORK_FORMATS: tuple[NetworkFormat, ...] = (
         "Shapefile", (".shp",), _starts_with(b"\x00\x00\x27\x0a", b"PK\x03\x04"), _read_vector
     ),
     NetworkFormat("GraphML", (".graphml",), _is_graphml, _read_graphml),
+    NetworkFormat("GeoParquet", (".parquet",), _starts_with(b"PAR1"), _read_parquet),
     NetworkFormat(
         "archives and networks that 'gpszip network' prepared",
         (".gpsz",),
         _is_prepared,
         _refuse_prepared,
     ),
+    # Last, as text of any kind is looked at.
+    NetworkFormat("CSV with lines", (".csv",), _is_csv, _read_csv),
 )

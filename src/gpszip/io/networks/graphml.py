@@ -12,7 +12,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
-from gpszip.geo.crs import is_geographic, to_degrees
+from gpszip.geo.crs import is_geographic, is_local, to_degrees
 from gpszip.io.networks.lines import RoadLines, within_globe
 from gpszip.io.networks.rules import (
     MAX_ROAD_SPEED,
@@ -247,6 +247,8 @@ def _to_log_coordinates(
         return points, False
 
     # The log is in degrees, or there is none.
+    if crs and is_local(crs, name):
+        return points, False
     if crs and crs.upper() != "EPSG:4326":
         return to_degrees(points, crs, name), True
     # Without a coordinate system, positions on the globe are taken for degrees.

@@ -12,10 +12,16 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-__all__ = ["WkbLines", "parse_wkb_lines", "parse_wkt_line"]
+__all__ = ["WkbLines", "WkbPoints", "parse_wkb_lines", "parse_wkb_points", "parse_wkt_line"]
 
 #: Bytes before the points of a line: byte order (1), type (4), number of points (4).
 _HEADER_BYTES = 9
+
+#: Bytes before the coordinates of a point: byte order (1), type (4).
+_POINT_HEADER_BYTES = 5
+
+#: Type of a Point.
+_POINT = 1
 
 #: Type of a LineString.
 _LINE_STRING = 2
@@ -29,11 +35,20 @@ _EWKB_Z = 0x80000000
 #: Flag of an m coordinate in extended well-known binary.
 _EWKB_M = 0x40000000
 
-#: Types are below this; all flags are above.
+#: Flag of a number of the coordinate system, which follows the type in extended well-known binary.
+_EWKB_SRID = 0x20000000
+
+#: Bytes of that number.
+_SRID_BYTES = 4
+
+#: Types are below this; all flags are at or above.
 _TYPE_LIMIT = 0x20000000
 
 #: Additional coordinates of a point by the thousands of its ISO type: none, z, m, both.
 _ISO_EXTRA_AXES = (0, 1, 1, 2)
+
+#: Whether the first of them is z.
+_ISO_HAS_Z = (False, True, False, True)
 
 
 class WkbLines(NamedTuple):
@@ -55,6 +70,77 @@ class WkbLines(NamedTuple):
     offsets: NDArray[np.int64]
     rows: NDArray[np.int64]
     others: int
+
+
+class WkbPoints(NamedTuple):
+    """Points of an array of geometries.
+
+    Parameters
+    ----------
+    points : float64 array, shape (n, 3)
+        x, y and z; NaN for what a geometry has not, and for those that are no points.
+    types : int64 array, shape (n,)
+        Type of each geometry: 1 for a point, 2 for a LineString, and so on. 0 for null, -1 for a
+        geometry that is damaged.
+    """
+
+    points: NDArray[np.float64]
+    types: NDArray[np.int64]
+
+
+def parse_wkb_points(geometries: Any) -> WkbPoints:
+    """Parse the points of an array of geometries, and the types of all.
+
+    Parameters
+    ----------
+    geometries : pyarrow.Array of binary
+        Well-known binary, also with the flags of PostGIS.
+
+    Returns
+    -------
+    WkbPoints
+
+    Examples
+    --------
+    >>> text = "0101000000000000000000084000000000000010c0"
+    >>> cells = parse_wkb_points(pa.array([bytes.fromhex(text), None]))
+    >>> cells.points[0].tolist(), cells.types.tolist()
+    ([3.0, -4.0, nan], [1, 0])
+    """
+    # Null is an empty text of bytes; anything else that is shorter than a header is damaged.
+    starts, data = _buffers(geometries.cast(pa.large_binary()).fill_null(b""))
+    sizes = np.diff(starts)
+    types = np.where(sizes > 0, np.int64(-1), np.int64(0))
+    points = np.full((len(sizes), 3), np.nan)
+    whole = np.flatnonzero(sizes >= _POINT_HEADER_BYTES)
+    if not len(whole):
+        return WkbPoints(points, types)
+
+    # Geometries have few different headers: parse all of one header at once.
+    # As numbers, headers take a tenth of the time to sort.
+    bits = 8 * np.arange(_POINT_HEADER_BYTES)
+    headers = (
+        data[starts[:-1][whole, None] + np.arange(_POINT_HEADER_BYTES)].astype(np.int64) << bits
+    )
+    distinct, number = np.unique(headers.sum(axis=1), return_inverse=True)
+    for i, header in enumerate(distinct.tolist()):
+        rows = whole[number == i]
+        order = "<" if header % 256 == 1 else ">"
+        (kind,) = struct.unpack(order + "I", (header // 256).to_bytes(4, "little"))
+        types[rows] = kind % _TYPE_LIMIT % 1000
+        if kind % _TYPE_LIMIT % 1000 != _POINT:
+            continue
+
+        # The flags of PostGIS, or else the thousands of ISO, tell whether z follows x and y.
+        has_z = bool(kind & _EWKB_Z) or _ISO_HAS_Z[kind % _TYPE_LIMIT // 1000 % 4]
+        first = _POINT_HEADER_BYTES + (_SRID_BYTES if kind & _EWKB_SRID else 0)
+        length = 8 * (3 if has_z else 2)
+        is_whole = sizes[rows] >= first + length
+        types[rows[~is_whole]] = -1
+        rows = rows[is_whole]
+        cells = data[starts[:-1][rows, None] + np.arange(first, first + length)]
+        points[rows, : length // 8] = cells.view(order + "f8")
+    return WkbPoints(points, types)
 
 
 def parse_wkb_lines(geometries: Any) -> WkbLines:
@@ -130,7 +216,9 @@ def _parse_geometry(data: bytes, position: int) -> tuple[list[NDArray[np.float64
     """Return the lines of the geometry that starts at a byte, and the byte after it."""
     # Header: byte order, type with the number of coordinates, number of points or lines.
     order = "<" if data[position] == 1 else ">"
-    kind, count = struct.unpack_from(order + "II", data, position + 1)
+    (kind,) = struct.unpack_from(order + "I", data, position + 1)
+    position += _SRID_BYTES if kind & _EWKB_SRID else 0
+    (count,) = struct.unpack_from(order + "I", data, position + 5)
     # The flags of PostGIS, or else the thousands of ISO, tell which of z and m follow x and y.
     extra_axes = bool(kind & _EWKB_Z) + bool(kind & _EWKB_M)
     width = 2 + (extra_axes or _ISO_EXTRA_AXES[kind % _TYPE_LIMIT // 1000 % 4])

@@ -86,6 +86,14 @@ class Source:
         except OSError as error:
             raise InputError(_explain_error(error), path=self.name) from None
 
+    def log_bytes(self, _points: int, _dimension: int) -> int:
+        """Size of the log, from which compression ratios count: that of the file."""
+        return self.size
+
+    def stored_at(self, _path: Path) -> Source:
+        """Return a source that can be read several times, as all files can."""
+        return self
+
     @property
     def stem(self) -> str:
         """Name of the file without suffixes, also before ``.gz``, or that of the given folder."""
@@ -228,7 +236,12 @@ def spooled(
             number += 1
             return _on_disk(stream, folder / str(number))
 
-        yield list(_expand(sources, keep, unzip=unzip))
+        # Frames may be streams, too.
+        found = _expand(sources, keep, unzip=unzip)
+        yield [
+            source.stored_at(folder / f"frame-{i}") if isinstance(source, Source) else source
+            for i, source in enumerate(found)
+        ]
 
 
 def is_stray_file(source: Source | InputError, error: InputError) -> bool:

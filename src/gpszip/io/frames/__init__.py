@@ -1,0 +1,1 @@
+"""Reading and making frames: tables and trajectories of other Python packages."""
