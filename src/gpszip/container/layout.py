@@ -93,6 +93,7 @@ class SectionKind(IntEnum):
     INDEX = 6  # where each group lies
     END = 7  # offset of the index, checksum of checksums
     ERROR_BOUND = 8  # error bound and sampling
+    EXACT_LOGS = 9  # the logs, byte by byte
 
 
 @dataclass(frozen=True)
