@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.archive.exact import find_exact_logs, find_section
 from gpszip.archive.facts import count_facts, file_facts
 from gpszip.archive.pieces import (
     build_pieces,
@@ -434,6 +435,48 @@ class Archive:
             self._check_unit(times)
         return sampled
 
+    # The logs themselves.
+
+    @cached_property
+    def exact_names(self) -> tuple[str, ...]:
+        """Names of the logs that are kept byte by byte, in their order."""
+        logs = find_exact_logs(self.contents)
+        return () if logs is None else tuple(log.name for log in logs.logs)
+
+    def exact_log(self, name: str, first: int = 0, count: int | None = None) -> bytes:
+        """Bytes of a log that is kept exactly.
+
+        Parameters
+        ----------
+        name : str
+            One of :attr:`exact_names`.
+        first : int, default 0
+            First byte.
+        count : int, optional
+            Number of bytes; by default all up to the end. Only the blocks that hold them are
+            decoded.
+
+        Raises
+        ------
+        OptionError
+            If there is no such log.
+        CorruptArchiveError
+            If its bytes are damaged.
+
+        Examples
+        --------
+        >>> import gpszip
+        >>> gpszip.compress(gpszip.Track("0", [0, 1], [[0, 0], [1, 1]]), rmse=1).exact_names
+        ()
+        """
+        if name not in self.exact_names:
+            raise OptionError(
+                f"no log {name!r} is kept exactly", remedy="exact_names lists those that are"
+            )
+        logs = find_exact_logs(self.contents)
+        assert logs is not None
+        return b"".join(logs.read(self.exact_names.index(name), first, count))
+
     # What was kept of the samples.
 
     @cached_property
@@ -749,13 +792,7 @@ class Archive:
     # Kept columns.
 
     def _attribute_section(self) -> bytes | None:
-        bodies = [
-            extra.body for extra in self.contents.extras if extra.kind == SectionKind.ATTRIBUTES
-        ]
-        if len(bodies) > 1:
-            raise CorruptArchiveError("there are two sections of kept columns")
-        # The body may still be in the file; bytes reads it.
-        return bytes(bodies[0]) if bodies else None
+        return find_section(self.contents, SectionKind.ATTRIBUTES, "kept columns")
 
     @cached_property
     def _kept_samples(self) -> KeptColumns:

@@ -53,6 +53,7 @@ _COMMANDS = (
     "view",
     "info",
     "verify",
+    "diff",
     "recover",
     "warm",
     "demo",

@@ -49,8 +49,9 @@ def merge_columns(
         ]
         for source in sources
     ]
+    exact_notes = _notes_on_exact_logs(sources)
     if not any(bodies):
-        return (), ()
+        return (), exact_notes
 
     # The table of each archive; empty where it keeps none.
     tables = [
@@ -79,7 +80,16 @@ def merge_columns(
         notes.append(f"only some archives keep {', '.join(missing)}: the others' samples have none")
     if not all(bodies):
         notes.append("only some archives keep the times of samples")
-    return (Section(SectionKind.ATTRIBUTES, encode_attributes(kept)),), tuple(notes)
+    section = Section(SectionKind.ATTRIBUTES, encode_attributes(kept))
+    return (section,), (*notes, *exact_notes)
+
+
+def _notes_on_exact_logs(sources: Sequence[MergeSource]) -> tuple[str, ...]:
+    """Say that logs kept byte by byte stay in the archives that are merged."""
+    extras = [extra for source in sources for extra in source.archive.contents.extras]
+    if all(extra.kind != SectionKind.EXACT_LOGS for extra in extras):
+        return ()
+    return ("logs kept exactly are not merged: keep the archives that hold them",)
 
 
 def _rows_by_track(
