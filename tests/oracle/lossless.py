@@ -53,15 +53,15 @@ class Mixture:
         self.coder.interval(0 if bit else p, p if bit else 65536 - p, 65536)
         return bit
 
-    def decide(self, row, ratios, slots):
-        weights, uses = self.sets.setdefault(row, ([22938, 22938, 16384, 16384, 16384], [0]))
+    def decide(self, row, ratio, slots):
+        weights, uses = self.sets.setdefault(row, ([39322, 16384, 16384, 16384], [0]))
         cells = [self.cells.setdefault((k, slot), Cell()) for k, slot in enumerate(slots)]
-        inputs = ratios + [logit(cell.p) if cell.count else 0 for cell in cells]
+        inputs = [ratio] + [logit(cell.p) if cell.count else 0 for cell in cells]
         dot = clip(sum(w * x for w, x in zip(weights, inputs, strict=True)) >> 16, 3072)
         p = min(max(round(65536 / (1 + math.exp(-dot / 256))), 1), 65535)
         bit = self.bit(p)
         error = (bit * 65536 - p) * round(4 + 2600 / (100 + uses[0]))
-        for k in range(5):
+        for k in range(4):
             weights[k] += (inputs[k] * error + 2**19) >> 20
         uses[0] = min(uses[0] + 1, 4095)
         for cell in cells:
@@ -90,7 +90,7 @@ class Predictor:
         self.steps, self.side_steps = [0] * 8, [[0] * 4 for _ in range(sides)]
         inputs = 8 + 4 * sides
         self.energies, self.digits, self.weights = [0] * inputs, [3] * inputs, [0] * inputs
-        self.errors, self.level, self.slope = [1024] * 8, 0, 0
+        self.errors, self.level, self.slope = [1024] * 6, 0, 0
 
     def inputs_of(self, side_steps, shift, side_shifts):
         def small(value, by):
@@ -107,7 +107,7 @@ class Predictor:
             self.side_steps[k] = [now, *before[:3]]
 
     def predict(self, ratio, shift):
-        a, b, c, d = self.steps[:4]
+        a, b = self.steps[:2]
         dot = sum(w * x for w, x in zip(self.weights, self.inputs, strict=True))
         self.candidates = [
             0,
@@ -115,9 +115,7 @@ class Predictor:
             clip(a, 2**48) * ratio >> 8,
             clip(dot >> 16, 2**56 >> shift) << shift,
             clip(self.level + self.slope, 2**56),
-            (a + b + c + d) >> 2,
             2 * a - b,
-            3 * (a - b) + c,
         ]
         least = min(self.errors)
         best = self.candidates[self.errors.index(least)]
@@ -240,26 +238,22 @@ class ColumnDecoder:
         return up if side else 1 + (self.center - bound) // 16
 
     def step(self):
-        setting, low, high = self.setting, -(2**60), 2**60
-        sharpness = 2 if self.scale < 4 else 1 if self.scale < 16 else 0
-        digits = max(max(scale.bit_length() - 16, 0) for scale in self.scales)
-        inverses = [(1420 << 18) // max(scale >> digits, 1) for scale in self.scales]
-        masses = [(0, 65536), (0, 65536)]
+        setting, scale, low, high = self.setting, self.scale, -(2**60), 2**60
+        sharpness = 2 if scale < 4 else 1 if scale < 16 else 0
+        digits = max(scale.bit_length() - 16, 0)
+        inverse = (1420 << 18) // (scale >> digits)
+        below, above = 0, 65536
 
         def decide(threshold, node):
-            nonlocal low, high
+            nonlocal low, high, below, above
             if not low < threshold < high:
                 return int(threshold <= low)
             distance = clip((threshold * 16 - 8 - self.center) >> digits, 2**24)
-            middles = [mass_below(distance, inverse) for inverse in inverses]
-            ratios = [
-                log_ratio(above - middle, middle - below)
-                for (below, above), middle in zip(masses, middles, strict=True)
-            ]
+            middle = mass_below(distance, inverse)
+            ratio = log_ratio(above - middle, middle - below)
             slots = self.slots(node, low, high)
-            bit = self.mixture.decide(sharpness * 33 + node, ratios, slots)
-            for k, middle in enumerate(middles):
-                masses[k] = (middle, masses[k][1]) if bit else (masses[k][0], middle)
+            bit = self.mixture.decide(sharpness * 33 + node, ratio, slots)
+            below, above = (middle, above) if bit else (below, middle)
             low, high = (threshold, high) if bit else (low, threshold)
             return bit
 

@@ -8,8 +8,8 @@ a threshold. Two orders of thresholds suit different columns:
 - *exact*: the sides of a usual step, 16 bins whose bounds are powers of two, then halves of a bin.
   Steps that come back have decisions of their own.
 
-The probability of a decision comes from two logistic distributions about the prediction, with a
-fast and a slow mean of the errors as scales, and from decisions in the same contexts before.
+The probability of a decision comes from a logistic distribution about the prediction, whose scale
+is the mean error, and from decisions in the same contexts before.
 """
 
 from __future__ import annotations
@@ -261,15 +261,12 @@ def _code_step(
     scale = max((scales[0] + 2 * scales[1]) // 3, 3)
     class_of_scale = 0 if scale >= 16 else (1 if scale >= 4 else 2)
 
-    # Both distributions divide distances by their scales.
+    # The distribution divides distances by its scale.
     digits = 0
-    while scales[0] >> digits >= np.int64(1) << _SCALE_DIGITS:
+    while scale >> digits >= np.int64(1) << _SCALE_DIGITS:
         digits += 1
-    while scales[1] >> digits >= np.int64(1) << _SCALE_DIGITS:
-        digits += 1
-    fast, slow = _inverse_scale(scales[0], digits), _inverse_scale(scales[1], digits)
-    fast_low, fast_high = np.int64(0), np.int64(_ALL)
-    slow_low, slow_high = np.int64(0), np.int64(_ALL)
+    inverse = _inverse_scale(scale, digits)
+    mass_low, mass_high = np.int64(0), np.int64(_ALL)
 
     # First the side, then bins outwards or inwards from the first one, then halves of a bin.
     low, high = np.int64(-_UNBOUNDED), np.int64(_UNBOUNDED)
@@ -292,16 +289,15 @@ def _code_step(
         if low < threshold < high:
             distance = (threshold << SUBSTEP_BITS) - (1 << (SUBSTEP_BITS - 1)) - center
             distance = _clip(distance >> digits, _MAX_DISTANCE)
-            mass, other_mass = _mass_below(distance, fast), _mass_below(distance, slow)
-            decisions.inputs[0] = log_ratio(fast_high - mass, mass - fast_low)
-            decisions.inputs[1] = log_ratio(slow_high - other_mass, other_mass - slow_low)
+            mass = _mass_below(distance, inverse)
+            decisions.inputs[0] = log_ratio(mass_high - mass, mass - mass_low)
             _set_slots(decisions, base, setting, node, low, high)
             weight_set = class_of_scale * _NODES + node
             bit = code_decision(coder, decisions, weight_set, 1 if step >= threshold else 0)
             if bit:
-                low, fast_low, slow_low = threshold, mass, other_mass
+                low, mass_low = threshold, mass
             else:
-                high, fast_high, slow_high = threshold, mass, other_mass
+                high, mass_high = threshold, mass
         else:
             bit = 1 if threshold <= low else 0
 

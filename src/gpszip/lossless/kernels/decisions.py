@@ -26,7 +26,6 @@ __all__ = [
     "CONTEXTS",
     "INPUTS",
     "PROBABILITY_BITS",
-    "RATIO_INPUTS",
     "TABLE_SIZE",
     "Decisions",
     "code_decision",
@@ -39,9 +38,8 @@ __all__ = [
 CONTEXTS = 3
 TABLE_SIZE = 1 << 14
 
-#: Inputs of the mixture: two from distributions, and one of each context.
-RATIO_INPUTS = 2
-INPUTS = RATIO_INPUTS + CONTEXTS
+#: Inputs of the mixture: one from a distribution, then one of each context.
+INPUTS = 1 + CONTEXTS
 
 #: Probabilities that are coded have so many bits, those in cells and their counts so many.
 PROBABILITY_BITS = 16
@@ -79,9 +77,9 @@ _WEIGHT_RATE = np.round(4 + 26 * 100 / (100 + np.arange(_WEIGHT_USES))).astype(n
 _WEIGHT_SHIFT = 20
 _WEIGHT_HALF = 1 << 19
 
-#: Weights are in units of 2**-16; those of distributions begin with 0.35, others with 0.25.
+#: Weights are in units of 2**-16; that of the distribution begins with 0.6, others with 0.25.
 _WEIGHT_BITS = 16
-_FIRST_RATIO_WEIGHT = 22938
+_FIRST_RATIO_WEIGHT = 39322
 _FIRST_WEIGHT = 16384
 
 #: Exponents of the numbers past the last bin, and bits that are coded at once.
@@ -101,7 +99,7 @@ class Decisions(NamedTuple):
     uses : int64 array, shape (sets,)
         Decisions that each set of weights has made.
     inputs : int64 array, shape (INPUTS,)
-        Predictions of one decision; the caller enters the first ``RATIO_INPUTS``.
+        Predictions of one decision; the caller enters the first.
     slots : uint32 array, shape (CONTEXTS,)
         Cell of each context, which the caller enters.
     exponents : int32 array, shape (62,)
@@ -119,7 +117,7 @@ class Decisions(NamedTuple):
 def new_decisions(sets: int) -> Decisions:
     """Return decisions of which nothing is known, with so many sets of weights."""
     weights = np.full((sets, INPUTS), _FIRST_WEIGHT, np.int64)
-    weights[:, :RATIO_INPUTS] = _FIRST_RATIO_WEIGHT
+    weights[:, 0] = _FIRST_RATIO_WEIGHT
     return Decisions(
         np.zeros((CONTEXTS, TABLE_SIZE), np.int32),
         weights,
@@ -170,7 +168,7 @@ def code_decision(coder: Coder, decisions: Decisions, weight_set: int, bit: int)
     coder : Coder
         Encodes or decodes.
     decisions : Decisions
-        Slots and the first inputs are entered.
+        Slots and the first input are entered.
     weight_set : int
         Row of the weights.
     bit : int
@@ -180,14 +178,12 @@ def code_decision(coder: Coder, decisions: Decisions, weight_set: int, bit: int)
     row = np.uint32(weight_set)
 
     # Predictions of the contexts, and their mixture.
-    dot = np.int64(0)
-    for k in range(RATIO_INPUTS):
-        dot += weights[row, k] * inputs[k]
+    dot = weights[row, 0] * inputs[0]
     for k in range(CONTEXTS):
         cell = np.int64(cells[k, slots[k]])
         x = _LOGIT[np.uint32(cell >> _LOGIT_SHIFT)] if cell & _COUNT_MASK else np.int64(0)
-        inputs[RATIO_INPUTS + k] = x
-        dot += weights[row, RATIO_INPUTS + k] * x
+        inputs[1 + k] = x
+        dot += weights[row, 1 + k] * x
     dot = min(max(dot >> _WEIGHT_BITS, -_REACH), _REACH)
     probability = _SQUASH[np.uint32(dot + _REACH)]
     bit = _code_probability(coder, probability, bit)

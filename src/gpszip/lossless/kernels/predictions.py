@@ -23,9 +23,8 @@ _LAGS = 8
 _SIDE_LAGS = 4
 
 #: Candidates: standing still, the last step, the same for the time that passed, a linear filter,
-#: level and slope, the mean of four steps, and polynomials of order 2 and 3 through the last
-#: values.
-_CANDIDATES = 8
+#: level and slope, and the last step with its change.
+_CANDIDATES = 6
 _FILTER = 3
 _LEVEL = 4
 
@@ -73,7 +72,7 @@ class Predictor(NamedTuple):
         Mean square of each input, in sixteenths, and its number of binary digits.
     weights : int64 array, shape (m,)
         Weights of the filter.
-    candidates, errors : int64 array, shape (8,)
+    candidates, errors : int64 array, shape (6,)
         Predictions, and their mean absolute errors in quarters.
     line : int64 array, shape (2,)
         Level (relative to the last value) and slope.
@@ -175,18 +174,16 @@ def predict(predictor: Predictor, ratio: int, shift: int) -> int:
     )
 
     # The candidates.
-    a, b, c, d = steps[0], steps[1], steps[2], steps[3]
+    last = steps[0]
     candidates[0] = 0
-    candidates[1] = a
-    candidates[2] = (_clip(a, _MAX_STEP >> 8) * ratio) >> 8
+    candidates[1] = last
+    candidates[2] = (_clip(last, _MAX_STEP >> 8) * ratio) >> 8
     total = np.int64(0)
     for j in range(len(inputs)):
         total += predictor.weights[j] * inputs[j]
     candidates[_FILTER] = _clip(total >> _WEIGHT_BITS, _MAX_STEP >> shift) << shift
     candidates[_LEVEL] = _clip(predictor.line[0] + predictor.line[1], _MAX_STEP)
-    candidates[5] = (a + b + c + d) >> 2
-    candidates[6] = 2 * a - b
-    candidates[7] = 3 * (a - b) + c
+    candidates[5] = 2 * last - steps[1]
 
     # Their weighted mean.
     best = 0
