@@ -19,7 +19,15 @@ from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.io.logs.write import write_tracks
 
 DOCS = Path(__file__).parents[1] / "docs"
-PAGES = ["tutorial.md", "robots.md", "fleets.md", "phones.md", "notebooks.md", "qgis.md"]
+PAGES = [
+    "tutorial.md",
+    "robots.md",
+    "fleets.md",
+    "phones.md",
+    "lossless.md",
+    "notebooks.md",
+    "qgis.md",
+]
 
 #: A command in an indented block.
 COMMAND = re.compile(r"^ {4}(gpszip .*?)(?: {2,}#.*)?$", re.MULTILINE)
