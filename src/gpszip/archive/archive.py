@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.archive.exact import find_exact_logs, find_section
+from gpszip.archive.exact import find_exact_logs, find_kept
 from gpszip.archive.facts import count_facts, file_facts
 from gpszip.archive.pieces import (
     build_pieces,
@@ -22,13 +22,13 @@ from gpszip.archive.pieces import (
     time_range_of_piece,
 )
 from gpszip.archive.track_view import TrackView
-from gpszip.container.attributes import KeptColumns, read_attributes, read_column_names
+from gpszip.container.attributes import KeptColumns
 from gpszip.container.catalog import group_heads, stored_size
 from gpszip.container.contents import Contents, MapReference
-from gpszip.container.layout import SectionKind
 from gpszip.container.map_record import map_hash
 from gpszip.container.writer import archive_size, save, to_bytes
 from gpszip.errors import CorruptArchiveError, MapError, OptionError, UnknownTrackError
+from gpszip.lossless.kept import read_kept, read_kept_names
 from gpszip.model.clean_map import CleanMap
 from gpszip.model.error_bound import ErrorBound
 from gpszip.model.grid import QuantisationGrid, refined_grid, step_size
@@ -482,8 +482,8 @@ class Archive:
     @cached_property
     def kept_columns(self) -> tuple[str, ...] | None:
         """Names of the log's further columns that are kept; None if not even the times are."""
-        body = self._attribute_section()
-        return None if body is None else read_column_names(body, len(self.ids))
+        found = find_kept(self.contents)
+        return None if found is None else read_kept_names(*found, len(self.ids))
 
     def sample_times(self, track: str) -> NDArray[np.float64]:
         """Times of a track's samples in seconds, exactly as they were read.
@@ -791,18 +791,15 @@ class Archive:
 
     # Kept columns.
 
-    def _attribute_section(self) -> bytes | None:
-        return find_section(self.contents, SectionKind.ATTRIBUTES, "kept columns")
-
     @cached_property
     def _kept_samples(self) -> KeptColumns:
-        body = self._attribute_section()
-        if body is None:
+        found = find_kept(self.contents)
+        if found is None:
             raise OptionError(
                 "the archive keeps neither columns nor the times of samples",
                 remedy="compress the log with keep or keep_times",
             )
-        return read_attributes(body, len(self.ids))
+        return read_kept(*found, len(self.ids))
 
     def _track_at_samples(self, name: str) -> Track:
         times = self.sample_times(name)

@@ -1,4 +1,4 @@
-"""The logs that an archive keeps byte by byte."""
+"""What an archive keeps exactly: columns of the logs, and the logs themselves."""
 
 from __future__ import annotations
 
@@ -11,22 +11,36 @@ from gpszip.errors import CorruptArchiveError
 if TYPE_CHECKING:
     from gpszip.lossless.logs import ExactLogs
 
-__all__ = ["find_exact_logs", "find_section"]
+__all__ = ["find_exact_logs", "find_kept"]
 
 
-def find_section(contents: Contents, kind: SectionKind, what: str) -> bytes | None:
-    """Return the body of the only further section of a kind; None if there is none.
+def find_kept(contents: Contents) -> tuple[int, bytes] | None:
+    """Return kind and body of the section of kept columns; None if there is none.
 
     Raises
     ------
     CorruptArchiveError
         If there are two.
     """
-    bodies = [extra.body for extra in contents.extras if extra.kind == kind]
-    if len(bodies) > 1:
+    kinds = (SectionKind.ATTRIBUTES, SectionKind.CODED_ATTRIBUTES)
+    return _find_section(contents, kinds, "kept columns")
+
+
+def _find_section(
+    contents: Contents, kinds: tuple[SectionKind, ...], what: str
+) -> tuple[int, bytes] | None:
+    """Return kind and body of the only further section of some kinds; None if there is none.
+
+    Raises
+    ------
+    CorruptArchiveError
+        If there are two.
+    """
+    found = [extra for extra in contents.extras if extra.kind in kinds]
+    if len(found) > 1:
         raise CorruptArchiveError(f"there are two sections of {what}")
     # The body may still be in the file; bytes reads it.
-    return bytes(bodies[0]) if bodies else None
+    return (found[0].kind, bytes(found[0].body)) if found else None
 
 
 def find_exact_logs(contents: Contents) -> ExactLogs | None:
@@ -37,10 +51,10 @@ def find_exact_logs(contents: Contents) -> ExactLogs | None:
     CorruptArchiveError
         If their section is damaged.
     """
-    body = find_section(contents, SectionKind.EXACT_LOGS, "exact logs")
-    if body is None:
+    found = _find_section(contents, (SectionKind.EXACT_LOGS,), "exact logs")
+    if found is None:
         return None
     # Archives without such a section need not import what reads it.
     from gpszip.lossless.logs import read_exact_logs
 
-    return read_exact_logs(body)
+    return read_exact_logs(found[1])

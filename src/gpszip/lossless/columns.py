@@ -99,6 +99,7 @@ def encode_column(
     >>> len(data) < 30, decode_column(Cursor(data), 1000)[0].tolist()[:3]
     (True, [0, 5, 10])
     """
+    values = np.ascontiguousarray(values)
     sizes = np.zeros(len(values), np.uint8)
     if len(values) == 0:
         return b"", CodedColumn(values, 0, sizes)
@@ -212,7 +213,8 @@ def _encode_with(
 
     sizes = np.zeros(len(values), np.uint8)
     coder = new_encoder(_ROW_BYTES * len(values) + _FREE_BYTES)
-    _run(coder, setting, values, times, sides, sizes)
+    # The kernel takes arrays that it may write to.
+    _run(coder, setting, values.copy(), times, sides, sizes)
     payload = finish(coder)
     assert payload is not None
     return payload, sizes

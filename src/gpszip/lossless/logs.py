@@ -139,10 +139,10 @@ def write_exact_logs(
     --------
     >>> import io
     >>> sink = io.BytesIO()
-    >>> write_exact_logs([("a.csv", lambda: [b"t,x,y\\n", b"0,1,2\\n"])], sink)
+    >>> write_exact_logs([("a.csv", lambda: [b"t,x,y\n", b"0,1,2\n"])], sink)
     >>> found = read_exact_logs(sink.getvalue())
     >>> found.logs[0].name, b"".join(found.read(0))
-    ('a.csv', b't,x,y\\n0,1,2\\n')
+    ('a.csv', b't,x,y\n0,1,2\n')
     """
     records: list[ExactLog] = []
     with tempfile.SpooledTemporaryFile(_MAX_IN_MEMORY, prefix="gpszip-") as spool:

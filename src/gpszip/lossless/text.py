@@ -98,10 +98,10 @@ def encode_block(text: bytes) -> bytes:
 
     Examples
     --------
-    >>> text = b"".join(b"%d,%.2f\\n" % (i, i / 4) for i in range(1000))
+    >>> text = b"".join(b"%d,%.2f\n" % (i, i / 4) for i in range(1000))
     >>> data = encode_block(text)
     >>> len(text), len(data) < 120, decode_block(Cursor(data), len(text)) == text
-    (10130, True, True)
+    (10450, True, True)
     """
     candidates = [bytes([_STORED]) + text]
     tables = _encode_tables(text)

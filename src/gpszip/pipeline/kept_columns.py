@@ -16,6 +16,7 @@ from gpszip.container.columns import Column, Values, as_column
 from gpszip.container.contents import Section
 from gpszip.container.layout import SectionKind
 from gpszip.errors import OptionError
+from gpszip.lossless.kept import smaller_section
 from gpszip.model import Options, Track
 from gpszip.model.log import Log, MemoryLog
 from gpszip.pipeline.spooled_section import spooled_section
@@ -26,6 +27,10 @@ if TYPE_CHECKING:
     from gpszip.io.large.store import StoredLog
 
 __all__ = ["extended_sections", "kept_sections"]
+
+
+#: Values up to which columns are coded in memory, in about 100 bytes each.
+_MAX_CODED = 1 << 21
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +94,9 @@ def extended_sections(archive: Archive, log: Log, options: Options) -> tuple[Sec
     """
     # Leave all other sections as they are; without times of samples there are no columns.
     others = tuple(
-        section for section in archive.contents.extras if section.kind != SectionKind.ATTRIBUTES
+        section
+        for section in archive.contents.extras
+        if section.kind not in {SectionKind.ATTRIBUTES, SectionKind.CODED_ATTRIBUTES}
     )
     if not options.keep_times:
         return others
@@ -198,9 +205,13 @@ def _stored_rows(
 
 def _section(counts: Sequence[int], times: Column, columns: Mapping[str, Column]) -> Section:
     """Encode columns of any length; a large section stays in a temporary file."""
-    return spooled_section(
+    section = spooled_section(
         SectionKind.ATTRIBUTES, lambda sink: write_attributes(counts, times, columns, sink)
     )
+    # Columns too many for memory stay as they are.
+    if isinstance(section.body, bytes) and sum(counts) * (1 + len(columns)) <= _MAX_CODED:
+        return Section(*smaller_section(section.body, len(counts)))
+    return section
 
 
 def _refuse_shapes(log: Log) -> None:
