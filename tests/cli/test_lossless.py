@@ -186,6 +186,12 @@ def test_verify_checks_the_logs(gpszip, log, tmp_path):
     assert gpszip("verify walk.gpsz").code == 0
 
 
+def test_info_says_what_is_kept(gpszip, log):
+    gpszip("compress walk.csv --lossless")
+    assert "kept         every byte of the logs (walk.csv)" in gpszip("info walk.gpsz").out
+    assert gpszip("info walk.gpsz --json").json["exact_logs"] == ["walk.csv"]
+
+
 def test_json_tells_the_outcome(gpszip, log):
     gpszip("compress walk.csv --lossless")
     facts = gpszip("diff --exact walk.gpsz walk.csv --json").json

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from gpszip.errors import CorruptArchiveError
 from gpszip.lossless.logs import read_exact_logs, write_exact_logs
 from gpszip.lossless.text import MAX_BLOCK_BYTES
+from oracle import exact_logs
 
 
 def body_of(logs):
@@ -117,3 +118,39 @@ def test_another_checksum_is_refused():
 def test_a_forged_section_is_refused(body, message):
     with pytest.raises(CorruptArchiveError, match=re.escape(message)):
         read_exact_logs(body)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_plain_reader_reads_what_is_written(seed):
+    random = np.random.default_rng(seed)
+    x, y = np.cumsum(random.normal(0, 3, (2, 80)), axis=1)
+    dates = np.datetime64("2024-02-28T23:59:00") + np.cumsum(random.integers(1, 30, 80))
+    minutes = np.floor(random.integers(10**5, 10**6, 80) * (10**7 / 60_000) + 0.5) / 1e7
+    logs = {
+        "a.csv": "".join(f"{i},{x[i]:.3f},{y[i]:.2f},{minutes[i]:.7f}\n" for i in range(80)),
+        "b.gpx": "".join(
+            f'<p lat="{x[i]:g}">\n<time>{dates[i]}Z</time><ele>{y[i]!s}</ele>\n' for i in range(40)
+        ),
+        "c.txt": "".join(
+            f"{i % 7:03},w{i}x,{dates[i]:}.50\r\n".replace("T", " ") for i in range(80)
+        ),
+        "d": "-0.0,1e-05,07:08:09",
+        "e": "",
+    }
+    logs = {name: text.encode() for name, text in logs.items()}
+    logs["f"] = random.bytes(50)
+    for chosen in ({name: [data] for name, data in logs.items()}, {"a.csv": [logs["a.csv"]]}):
+        found = exact_logs.read_logs(body_of(chosen))
+        assert found == {name: b"".join(data) for name, data in chosen.items()}
+    found = exact_logs.read_logs(
+        body_of({name: [data] for name, data in logs.items() if name < "f"})
+    )
+    assert found == {name: data for name, data in logs.items() if name < "f"}
+
+
+def test_the_plain_reader_reads_many_shapes():
+    rows = [
+        f"car_{'x' * (i % 90)},{i},{i * i % 50}.5,{'y' if i % 3 else 'z'}\n" for i in range(200)
+    ]
+    data = "".join(rows).encode()
+    assert exact_logs.read_logs(body_of({"a": [data]})) == {"a": data}
