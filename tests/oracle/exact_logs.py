@@ -152,9 +152,8 @@ def apply(notation, numbers):
             least = 0 if rules & 3 == 1 else min(1, most)
             while decimals > least and number % 10 ** (most - decimals + 1) == 0:
                 decimals -= 1
-        if not rules >> 4:
-            number = number // 10 ** (most - decimals)
-        tokens.append((number, decimals, width))
+        value = number if rules >> 4 else number // 10 ** (most - decimals)
+        tokens.append((value, decimals, width))
     return tokens
 
 
