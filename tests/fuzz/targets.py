@@ -534,6 +534,29 @@ def _archives() -> Sequence[bytes]:
     return [*files, _with_sections(files[0])]
 
 
+def _exact_logs(data: bytes) -> None:
+    from gpszip.lossless.logs import read_exact_logs
+
+    read_exact_logs(data).check()
+
+
+@cache
+def _exact_bodies() -> list[bytes]:
+    """Logs that are kept byte by byte."""
+    from gpszip.lossless.logs import write_exact_logs
+
+    rows = [f"{i},{i * i % 97}.50,2024-05-{i % 30 + 1:02}T07:08:09Z,a{i:03}\n" for i in range(80)]
+    logs = [{"a.csv": "".join(rows)}, {"b": "x\n" * 9, "c": "", "d": "7,-0.0\n7,1e-05\n"}]
+    bodies = []
+    for texts in logs:
+        sink = io.BytesIO()
+        write_exact_logs(
+            [(name, lambda text=text: [text.encode()]) for name, text in texts.items()], sink
+        )
+        bodies.append(sink.getvalue())
+    return bodies
+
+
 def _with_sections(small: bytes) -> bytes:
     """Write an archive in the form of large ones."""
     from dataclasses import replace
@@ -690,6 +713,7 @@ TARGETS = {
     "times": Target(_times, _texts(TIMES)),
     "times in text": Target(_times_in_text, _texts(("10,20.5,2024-05-04T08:00:00Z",))),
     "walks, plain": Target(_plain_walks, _payloads, mutations.BINARY),
+    "exact logs": Target(_exact_logs, _exact_bodies, mutations.BINARY),
     "archive": Target(_archive, _archives, mutations.BINARY),
     "archive, sealed": Target(_archive, _archives, mutations.BINARY, _apply_to_archive),
 }
