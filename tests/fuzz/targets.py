@@ -190,6 +190,39 @@ NMEA = (
     "$GPGLL,5327.04024,N,00214.41560,W,102929.00,A,A*7A\r\n",
 )
 
+OWNTRACKS = (
+    "".join(
+        f'2024-05-04T08:00:{i:02}Z\t*                 \t{{"_type":"location","tst":{9000 + i},'
+        f'"lat":48.{i:03},"lon":11.5,"vel":{i},"topic":"owntracks/me/{i % 2}"}}\n'
+        for i in range(12)
+    )
+    + '2024-05-04T08:00:59Z\t*                 \t{"_type":"lwt","tst":1}\n',
+)
+
+IGC = (
+    "AXXX\r\nHFDTE050822\r\nI023638FXA3940LAD\r\n"
+    + "".join(f"B2359{t}4830{t}5N00013{t}9EA0009200191007{t}\r\n" for t in range(50, 60))
+    + "HFDTEDATE:060822,01\r\nB0000014830895N00138319EV0009200191007110\r\n",
+)
+
+PLT = (
+    "Geolife trajectory\r\nWGS 84\r\nAltitude is in Feet\r\nReserved 3\r\n0,2,255\r\n0\r\n"
+    + "".join(
+        f"40.00{t},116.31,0,{t},39745.09{t}66,2008-10-24,02:09:{t}\r\n" for t in range(10, 20)
+    ),
+    "OziExplorer Track Point File Version 2.1\r\nWGS 84\r\nAltitude is in Feet\r\n\r\n0\r\n0\r\n"
+    + "".join(f" 40.00{t}, 116.31,1,-777,39745.09{t}66, 24-Oct-08\r\n" for t in range(10, 20)),
+)
+
+READSB = (
+    '{"icao":"3c6444","timestamp":1714780800.5,"trace":[\n'
+    + ",\n".join(
+        f'[{t}.5,48.{t},11.{t},{t}00,480.1,{t},{t % 11},-64,null,"adsb_icao",{t}50]'
+        for t in range(10, 30)
+    )
+    + ',\n[40,48.5,11,"ground",null,null,0,null]]}',
+)
+
 ROADS_GEOJSON = (
     """{"type": "FeatureCollection", "features": [
 {"type": "Feature", "properties":
@@ -545,9 +578,18 @@ TARGETS = {
     "fit": Target(_log("fit", skip_bad=True, sort=True, keep=("hr",)), _fits, mutations.BINARY),
     "nmea": Target(_log("nmea", keep=("alt", "speed"), sort=True), _texts(NMEA)),
     "nmea, stored": Target(_stored(format="nmea", split=True), _texts(NMEA)),
+    "owntracks": Target(_log("owntracks", keep=("speed",), sort=True), _texts(OWNTRACKS)),
+    "igc": Target(_log("igc", keep=("alt", "fxa"), sort=True), _texts(IGC)),
+    "plt": Target(_log("plt", keep=("alt",), sort=True), _texts(PLT)),
+    "readsb": Target(_log("readsb", keep=("alt", "speed"), sort=True), _texts(READSB)),
     "any log": Target(
         _log(None, skip_bad=True),
-        lambda: [*_texts(CSV + GPX + GEOJSON + NMEA)(), *_histories(), *_fits(), *_parquets()],
+        lambda: [
+            *_texts(CSV + GPX + GEOJSON + NMEA + OWNTRACKS + IGC + PLT + READSB)(),
+            *_histories(),
+            *_fits(),
+            *_parquets(),
+        ],
     ),
     "roads geojson": Target(_network(".geojson"), _texts(ROADS_GEOJSON)),
     "roads graphml": Target(_network(".graphml"), _texts(ROADS_GRAPHML)),

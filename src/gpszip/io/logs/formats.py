@@ -106,6 +106,42 @@ NMEA = LogFormat(
     read_batches=deferred("gpszip.io.logs.nmea.read", "read_nmea_batches"),
 )
 
+OWNTRACKS = LogFormat(
+    name="owntracks",
+    suffixes=(".rec",),
+    description="locations of OwnTracks Recorder, by the time of the phone",
+    sniff=deferred("gpszip.io.logs.owntracks", "sniff_owntracks"),
+    read=deferred("gpszip.io.logs.owntracks", "read_owntracks"),
+    read_batches=deferred("gpszip.io.logs.owntracks", "read_owntracks_batches"),
+)
+
+IGC = LogFormat(
+    name="igc",
+    suffixes=(".igc",),
+    description="flights of gliders and paragliders; extensions with --keep",
+    sniff=deferred("gpszip.io.logs.igc", "sniff_igc"),
+    read=deferred("gpszip.io.logs.igc", "read_igc"),
+    read_batches=deferred("gpszip.io.logs.igc", "read_igc_batches"),
+)
+
+PLT = LogFormat(
+    name="plt",
+    suffixes=(".plt",),
+    description="tracks of GeoLife and OziExplorer",
+    sniff=deferred("gpszip.io.logs.plt", "sniff_plt"),
+    read=deferred("gpszip.io.logs.plt", "read_plt"),
+    read_batches=deferred("gpszip.io.logs.plt", "read_plt_batches"),
+)
+
+READSB = LogFormat(
+    name="readsb",
+    suffixes=(),
+    description="traces of aircraft of readsb and tar1090; JSON",
+    sniff=deferred("gpszip.io.logs.readsb", "sniff_readsb"),
+    read=deferred("gpszip.io.logs.readsb", "read_readsb"),
+    read_batches=deferred("gpszip.io.logs.readsb", "read_readsb_batches"),
+)
+
 CSV = LogFormat(
     name="csv",
     suffixes=(".csv", ".tsv", ".txt", ".tab"),
@@ -123,8 +159,12 @@ LOG_FORMATS: tuple[LogFormat, ...] = (
     GPX,
     GOOGLE,
     GOOGLE_PATHS,
+    READSB,
     GEOJSON,
     FIT,
+    OWNTRACKS,
+    IGC,
+    PLT,
     NMEA,
     CSV,
 )
