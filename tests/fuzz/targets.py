@@ -223,6 +223,44 @@ READSB = (
     + ',\n[40,48.5,11,"ground",null,null,0,null]]}',
 )
 
+AIS = (
+    "# Timestamp,Type of mobile,MMSI,Latitude,Longitude,SOG,COG,Heading\n"
+    + "".join(
+        f"03/04/2024 00:00:{t},Class A,21900000{t % 2},55.{t},12.{t},1.{t},{t},{t}\n"
+        for t in range(10, 22)
+    )
+    + "03/04/2024 00:00:30,Class A,219000001,91.0,181.0,102.3,360.0,511\n",
+    "MMSI,BaseDateTime,LAT,LON,SOG,COG,Heading\n"
+    + "".join(
+        f"36600000{t % 2},2024-01-01T00:00:{t},47.{t},-122.{t},0.1,10,511\n" for t in range(10, 22)
+    ),
+)
+
+SUMO = (
+    '<?xml version="1.0" encoding="UTF-8"?>\n<!-- SUMO\n<configuration>\n'
+    '<fcd-output.geo value="true"/></configuration> -->\n<fcd-export>\n'
+    + "".join(
+        f'<timestep time="{t}.00"><vehicle id="a" x="11.{t}" y="48.{t}" angle="9" speed="1.{t}"/>'
+        f'<person id="b" x="11.{t}" y="48.2" edge="e"/></timestep>\n'
+        for t in range(10, 20)
+    )
+    + "</fcd-export>\n",
+)
+
+CARMEN = (
+    "# CARMEN\nPARAM robot_width 0.4\n"
+    + "".join(
+        f"ODOM 1.{t} 2.{t} 0.1 0 0 0 97605.{t} host 0.{t}\n"
+        f"FLASER 3 1.1 1.2 1.3 1.{t} 2.{t} 0.1 1.{t} 2.{t} 0.1 97605.{t} host 0.{t}\n"
+        for t in range(10, 20)
+    ),
+    "".join(
+        f"ROBOTLASER1 0 -1.5 3.1 0.1 80 0.1 0 2 1.1 1.2 1 7 "
+        f"1.{t} 2 0 1.{t} 2.{t} 0 0 0 0.1 0.1 9 97605.{t} host 0.{t}\n"
+        for t in range(10, 20)
+    ),
+)
+
 ROADS_GEOJSON = (
     """{"type": "FeatureCollection", "features": [
 {"type": "Feature", "properties":
@@ -311,6 +349,36 @@ def _fits() -> Sequence[bytes]:
     ends = fit.session(start, fit.SWIMMING), fit.session(start + 6, fit.RUNNING)
     ride = fit.fit(fit.file_id(), *described, *records, *ends)
     return [ride, ride + fit.fit(fit.file_id(fit.COURSE), *described, *records, endian=">")]
+
+
+@cache
+def _arrays() -> Sequence[bytes]:
+    import numpy as np
+
+    t = np.arange(12.0)
+    rows = np.zeros(12, [("t", "<i4"), ("lat", ">f8"), ("lon", "<f4"), ("id", "U2")])
+    rows["t"], rows["lat"], rows["id"] = t, 48 + t / 1e3, "a"
+    files = [io.BytesIO() for _ in range(3)]
+    np.savez(files[0], t=t, pos=np.column_stack([t * 3, t * 4]), speed=t)
+    np.savez_compressed(files[1], time=t, x=t, y=t)
+    np.save(files[2], rows)
+    return [file.getvalue() for file in files]
+
+
+@cache
+def _hdf5s() -> Sequence[bytes]:
+    import h5py
+    import numpy as np
+
+    t = np.arange(12.0)
+    files = [io.BytesIO() for _ in range(2)]
+    with h5py.File(files[0], "w") as file:
+        file["gps/time"], file["gps/lat"], file["gps/lon"], file["imu/a"] = t, t, t, t[:3]
+        file["gps/lat"].attrs["scale_factor"] = 0.5
+    with h5py.File(files[1], "w") as file:
+        file["t"] = np.array([f"2024-05-04T08:00:{i + 10}Z" for i in range(12)], "S")
+        file.create_dataset("pos", data=np.column_stack([t, t]), chunks=(4, 2), compression="gzip")
+    return [file.getvalue() for file in files]
 
 
 @cache
@@ -582,13 +650,20 @@ TARGETS = {
     "igc": Target(_log("igc", keep=("alt", "fxa"), sort=True), _texts(IGC)),
     "plt": Target(_log("plt", keep=("alt",), sort=True), _texts(PLT)),
     "readsb": Target(_log("readsb", keep=("alt", "speed"), sort=True), _texts(READSB)),
+    "ais": Target(_log("ais", keep=("Heading", "SOG"), sort=True), _texts(AIS)),
+    "sumo": Target(_log("sumo", keep=("speed", "edge"), sort=True), _texts(SUMO)),
+    "carmen": Target(_log("carmen", keep=("heading",), sort=True), _texts(CARMEN)),
+    "npz": Target(_log("npz", sort=True), _arrays, mutations.BINARY),
+    "hdf5": Target(_log("hdf5", sort=True), _hdf5s, mutations.BINARY),
     "any log": Target(
         _log(None, skip_bad=True),
         lambda: [
             *_texts(CSV + GPX + GEOJSON + NMEA + OWNTRACKS + IGC + PLT + READSB)(),
+            *_texts(AIS + SUMO + CARMEN)(),
             *_histories(),
             *_fits(),
             *_parquets(),
+            *_arrays(),
         ],
     ),
     "roads geojson": Target(_network(".geojson"), _texts(ROADS_GEOJSON)),

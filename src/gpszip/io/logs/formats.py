@@ -142,6 +142,53 @@ READSB = LogFormat(
     read_batches=deferred("gpszip.io.logs.readsb", "read_readsb_batches"),
 )
 
+AIS = LogFormat(
+    name="ais",
+    suffixes=(),
+    description="positions of ships, Danish and American CSV; each MMSI is a track",
+    sniff=deferred("gpszip.io.logs.ais", "sniff_ais"),
+    read=deferred("gpszip.io.logs.ais", "read_ais"),
+    read_batches=deferred("gpszip.io.logs.ais", "read_ais_batches"),
+)
+
+SUMO = LogFormat(
+    name="sumo",
+    suffixes=(),
+    description="floating car data of SUMO: vehicles and persons; XML",
+    sniff=deferred("gpszip.io.logs.sumo", "sniff_sumo"),
+    read=deferred("gpszip.io.logs.sumo", "read_sumo"),
+    read_batches=deferred("gpszip.io.logs.sumo", "read_sumo_batches"),
+)
+
+CARMEN = LogFormat(
+    name="carmen",
+    suffixes=(".carmen", ".clf"),
+    description="poses of robots: FLASER, ROBOTLASER1 or ODOM",
+    sniff=deferred("gpszip.io.logs.carmen", "sniff_carmen"),
+    read=deferred("gpszip.io.logs.carmen", "read_carmen"),
+    read_batches=deferred("gpszip.io.logs.carmen", "read_carmen_batches"),
+)
+
+NPZ = LogFormat(
+    name="npz",
+    suffixes=(".npz", ".npy"),
+    description="arrays of NumPy by name, as columns of CSV; --columns",
+    sniff=deferred("gpszip.io.logs.npz", "sniff_npz"),
+    read=deferred("gpszip.io.logs.npz", "read_npz"),
+    is_binary=True,
+)
+
+HDF5 = LogFormat(
+    name="hdf5",
+    suffixes=(".h5", ".hdf5", ".hdf"),
+    description="datasets of one group, as columns of CSV; --columns with paths",
+    sniff=deferred("gpszip.io.logs.hdf5", "sniff_hdf5"),
+    read=deferred("gpszip.io.logs.hdf5", "read_hdf5"),
+    read_batches=deferred("gpszip.io.logs.hdf5", "read_hdf5_batches"),
+    is_binary=True,
+    extra="hdf5",
+)
+
 CSV = LogFormat(
     name="csv",
     suffixes=(".csv", ".tsv", ".txt", ".tab"),
@@ -166,6 +213,11 @@ LOG_FORMATS: tuple[LogFormat, ...] = (
     IGC,
     PLT,
     NMEA,
+    NPZ,
+    HDF5,
+    SUMO,
+    CARMEN,
+    AIS,
     CSV,
 )
 

@@ -292,4 +292,4 @@ class _Assembler:
 
 
 def _has_value(values: NDArray[np.generic]) -> bool:
-    return bool(np.isfinite(values).any() if values.dtype.kind == "f" else len(values))
+    return bool((np.isfinite(values) if values.dtype.kind == "f" else values != "").any())
