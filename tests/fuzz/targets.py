@@ -382,6 +382,61 @@ def _hdf5s() -> Sequence[bytes]:
 
 
 @cache
+def _flights() -> Sequence[bytes]:
+    """Logs of PX4, of ArduPilot (binary and text) and of MAVLink."""
+    return [*_ulogs(), *_dataflashes(), *_tlogs()]
+
+
+@cache
+def _ulogs() -> Sequence[bytes]:
+    from oracle import ulog
+
+    start = ulog.header() + ulog.flags() + ulog.topic("vehicle_gps_position", ulog.GPS)
+    start += ulog.topic("vehicle_local_position", ulog.LOCAL)
+    start += ulog.subscription(0, "vehicle_gps_position")
+    start += ulog.subscription(1, "vehicle_local_position")
+    body = ulog.dropout(20)
+    for i in range(12):
+        time = 5_000_000 + i * 200_000
+        at = (480_000_000 + i, 115_000_000, 500_000)
+        body += ulog.data(0, ulog.GPS, time, time + 1_700_000_000_000_000, *at, 1.0, 2.0, 3, 9)
+        body += ulog.data(1, ulog.LOCAL, time, i, 4, -5, 1, 1, 0, True)
+    return [start + body, start.replace(ulog.flags(), ulog.flags(len(start)), 1) + body]
+
+
+@cache
+def _dataflashes() -> Sequence[bytes]:
+    from oracle import dataflash
+
+    types, labels = dataflash.NEW
+    rows = [
+        (i, i % 2, 3, 518_400_000 + i * 200, 2312, 9, 1.2, 48.1 + i / 1e5, 11.5, 512.25, 12.5, 90.0)
+        for i in range(12)
+    ]
+    head = dataflash.start() + dataflash.describe(130, "GPS", types, labels)
+    text = f"FMT, 128, 89, FMT, BBnNZ, Type\r\nFMT, 130, 50, GPS, {types}, {labels}\r\n"
+    return [
+        head + b"".join(dataflash.message(130, types, *row) for row in rows),
+        (text + "".join(dataflash.text("GPS", types, *row) for row in rows)).encode(),
+    ]
+
+
+@cache
+def _tlogs() -> Sequence[bytes]:
+    from oracle import mavlink
+
+    frames = [
+        mavlink.frame(1_700_000_000 + i, number, payload, version, signed=signed)
+        for i in range(12)
+        for number, payload, version, signed in (
+            (mavlink.GPS, mavlink.gps(48 + i / 1e5, 11), 1, False),
+            (mavlink.GLOBAL, mavlink.position(48 + i / 1e5, 11), 2, i % 2 == 1),
+        )
+    ]
+    return [b"".join(frames), frames[0]]
+
+
+@cache
 def _parquets() -> Sequence[bytes]:
     import numpy as np
     import pyarrow as pa
@@ -655,6 +710,9 @@ TARGETS = {
     "carmen": Target(_log("carmen", keep=("heading",), sort=True), _texts(CARMEN)),
     "npz": Target(_log("npz", sort=True), _arrays, mutations.BINARY),
     "hdf5": Target(_log("hdf5", sort=True), _hdf5s, mutations.BINARY),
+    "ulog": Target(_log("ulog", skip_bad=True, sort=True), _ulogs, mutations.BINARY),
+    "dataflash": Target(_log("dataflash", keep=("alt",), sort=True), _dataflashes),
+    "tlog": Target(_log("tlog", keep=("speed",), sort=True), _tlogs, mutations.BINARY),
     "any log": Target(
         _log(None, skip_bad=True),
         lambda: [
@@ -664,6 +722,7 @@ TARGETS = {
             *_fits(),
             *_parquets(),
             *_arrays(),
+            *_flights(),
         ],
     ),
     "roads geojson": Target(_network(".geojson"), _texts(ROADS_GEOJSON)),

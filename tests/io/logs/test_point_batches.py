@@ -82,3 +82,11 @@ def test_a_damaged_gzip_file_is_an_error():
     packed = gzip.compress(b"line\n" * 100)
     with pytest.raises(InputError, match="damaged gzip"):
         list(read_lines(Source("a", data=packed[:-20])))
+
+
+def test_numbers_that_are_too_large_become_infinite_without_a_warning():
+    def parse(_source, _request, _findings):
+        yield batch([0, 1], alt=np.array([1e308, 1]) * 10)
+
+    log = read_points(Source("a"), Request(keep=("alt",)), parse)
+    assert log.attributes["alt"].tolist() == [np.inf, 10]

@@ -275,7 +275,8 @@ def _to_arrow(column: Column, rows: slice, where: str) -> Any:
     if values.dtype.kind == "M":
         return pa.array(values.astype("M8[us]"))
     if values.dtype.kind == "f" and values.dtype.itemsize not in (4, 8):
-        values = values.astype(np.float64)
+        with np.errstate(all="ignore"):  # a damaged file holds any numbers
+            values = values.astype(np.float64)
     return pa.array(np.ascontiguousarray(values, values.dtype.newbyteorder("=")))
 
 

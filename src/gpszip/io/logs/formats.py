@@ -189,6 +189,34 @@ HDF5 = LogFormat(
     extra="hdf5",
 )
 
+ULOG = LogFormat(
+    name="ulog",
+    suffixes=(".ulg",),
+    description="flights of PX4: GPS, or else estimated positions",
+    sniff=deferred("gpszip.io.logs.ulog", "sniff_ulog"),
+    read=deferred("gpszip.io.logs.ulog", "read_ulog"),
+    is_binary=True,
+)
+
+DATAFLASH = LogFormat(
+    name="dataflash",
+    suffixes=(".bin", ".log"),
+    description="flights of ArduPilot, binary or text; each receiver is a track",
+    sniff=deferred("gpszip.io.logs.dataflash", "sniff_dataflash"),
+    read=deferred("gpszip.io.logs.dataflash", "read_dataflash"),
+    read_batches=deferred("gpszip.io.logs.dataflash", "read_dataflash_batches"),
+    is_binary=True,
+)
+
+TLOG = LogFormat(
+    name="tlog",
+    suffixes=(".tlog",),
+    description="telemetry of MAVLink: GPS, or else estimated positions",
+    sniff=deferred("gpszip.io.logs.tlog", "sniff_tlog"),
+    read=deferred("gpszip.io.logs.tlog", "read_tlog"),
+    is_binary=True,
+)
+
 CSV = LogFormat(
     name="csv",
     suffixes=(".csv", ".tsv", ".txt", ".tab"),
@@ -212,6 +240,9 @@ LOG_FORMATS: tuple[LogFormat, ...] = (
     OWNTRACKS,
     IGC,
     PLT,
+    ULOG,
+    DATAFLASH,
+    TLOG,
     NMEA,
     NPZ,
     HDF5,

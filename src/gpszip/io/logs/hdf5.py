@@ -203,9 +203,10 @@ def _columns_of_dataset(name: str, dataset: Any) -> list[Column]:
         values: NDArray[Any] = dataset[rows]
         if not is_packed:
             return values
-        numbers = values.astype(np.float64)
-        numbers[values == filler] = np.nan
-        unpacked: NDArray[Any] = numbers * (1.0 if scale is None else scale) + (offset or 0.0)
+        with np.errstate(all="ignore"):  # a damaged file holds any numbers
+            numbers = values.astype(np.float64)
+            numbers[values == filler] = np.nan
+            unpacked: NDArray[Any] = numbers * (1.0 if scale is None else scale) + (offset or 0.0)
         return unpacked
 
     return columns_of(name, dataset.shape, dataset.dtype, load)

@@ -209,7 +209,7 @@ def _read_batches(source: Source, request: Request, parse: Parser) -> Iterator[R
     findings = Findings(source.name)
     assembler = _Assembler(source, request)
     last: PointBatch | None = None
-    for batch in parse(source, request, findings):
+    for batch in _without_warnings(parse(source, request, findings)):
         if len(batch.times):
             yield assembler.log(batch)
             last = batch
@@ -221,6 +221,16 @@ def _read_batches(source: Source, request: Request, parse: Parser) -> Iterator[R
         left_out=tuple(findings.left_out),
     )
     yield empty
+
+
+def _without_warnings(batches: Iterator[PointBatch]) -> Iterator[PointBatch]:
+    """Yield batches; numbers of damaged files that are too large become infinite."""
+    while True:
+        with np.errstate(all="ignore"):
+            batch = next(batches, None)
+        if batch is None:
+            return
+        yield batch
 
 
 def _without_points(batch: PointBatch) -> PointBatch:
