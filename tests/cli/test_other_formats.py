@@ -9,6 +9,8 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
+from gpszip.io.large.store import store_logs
+from gpszip.io.logs.read import read_logs
 from oracle import dataflash, igc, mavlink, plt, ulog
 
 START = datetime(2024, 5, 4, 23, 58, tzinfo=UTC)
@@ -145,3 +147,14 @@ def test_formats_lists_them(shell):
     assert "needs gpszip[hdf5]" in listed
     names = "owntracks igc plt readsb ais sumo carmen npz hdf5 ulog dataflash tlog"
     assert all(f"\n  {name} " in listed for name in names.split())
+
+
+@pytest.mark.parametrize("name", LOGS)
+def test_a_log_on_disk_is_the_one_in_memory(tmp_path, name):
+    (tmp_path / name).write_bytes(LOGS[name]())
+    (expected,) = read_logs(str(tmp_path / name)).tracks
+    with store_logs(str(tmp_path / name), rows=30) as log:
+        (track,) = (log.read(track) for track in log.tracks)
+    assert track.id == expected.id
+    assert track.times.tolist() == expected.times.tolist()
+    np.testing.assert_allclose(track.positions, expected.positions, rtol=0, atol=1e-6)

@@ -33,7 +33,8 @@ _FIX = r"^B\d{6}\d{7}[NS]\d{8}[EW][AV]"
 _DATE = re.compile(r"^H[FOP]DTE(?:DATE)?:?\s*(\d\d)(\d\d)(\d\d)")
 
 #: What shows the format besides a fix: the code of the maker at the start, or a date.
-_MARK = re.compile(r"\A\s*A[A-Z0-9]{3}|^H[FOP]DTE", re.MULTILINE)
+_MAKER = re.compile(r"\s*A[A-Z0-9]{3}")
+_DATES = ("HFDTE", "HODTE", "HPDTE")
 
 #: Columns of a fix, from 0.
 _COLUMNS = {
@@ -84,8 +85,10 @@ def sniff_igc(head: bytes) -> bool:
     >>> sniff_igc(b"name,B1602405407121N00249342WA0028000421")
     False
     """
-    text = decode_head(head).replace("\r\n", "\n").replace("\r", "\n")
-    return bool(_MARK.search(text) and re.search(_FIX, text, re.MULTILINE))
+    text = decode_head(head)
+    if not _MAKER.match(text) and not any(word in text for word in _DATES):
+        return False
+    return re.search(_FIX, text.replace("\r", "\n"), re.MULTILINE) is not None
 
 
 def read_igc(source: Source, request: Request) -> RawLog:
