@@ -99,3 +99,16 @@ def test_users_overrule_columns():
 def test_other_tables_stay_csv():
     assert format_for_reading(Source("a", data=DAY)).name == "ais"
     assert format_for_reading(Source("a", data=b"mmsi,t,lat,lon\n1,2,3,4\n")).name == "csv"
+
+
+def test_decimal_commas_and_quotes():
+    header = '"# Timestamp";"Type of mobile";"MMSI";"Latitude";"Longitude";"SOG"'
+    rows = [
+        f'"13/04/2024 00:00:0{i}";"Class A";"219000001";"{lat}";"12,5{i}";"1,5"'
+        for i, lat in enumerate(("55,25", "91,0", "55,75"))
+    ]
+    source = Source("a", data=text(header, *rows))
+    assert format_for_reading(source).name == "ais"
+    log = read_ais(source, Request())
+    np.testing.assert_equal(log.coordinates[:, 0], [55.25, np.nan, 55.75])
+    assert log.coordinates[:, 1].tolist() == [12.5, 12.51, 12.52]

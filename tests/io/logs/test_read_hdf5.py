@@ -1,9 +1,10 @@
 import io
+import sys
 
 import numpy as np
 import pytest
 
-from gpszip.errors import InputError
+from gpszip.errors import InputError, MissingExtraError
 from gpszip.io.large.store import store_logs
 from gpszip.io.logs.formats import format_for_reading
 from gpszip.io.logs.hdf5 import read_hdf5, read_hdf5_batches
@@ -137,3 +138,9 @@ def test_damaged_files_are_refused():
         with pytest.raises(InputError):
             raw(damaged)
     assert format_for_reading(Source("a", data=data)).name == "hdf5"
+
+
+def test_without_h5py_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(MissingExtraError, match=r"reading HDF5 needs the extra 'hdf5'"):
+        raw(b"\x89HDF\r\n\x1a\n")
