@@ -140,6 +140,7 @@ def _find_roles(columns: Sequence[Column], request: Request, where: str) -> Role
     InputError
         If time or position can't be found, or columns in use differ in length.
     """
+    # The roles, by name.
     roles = find_roles(
         [column.name for column in columns],
         request.columns if isinstance(request.columns, Mapping) else None,
@@ -148,6 +149,8 @@ def _find_roles(columns: Sequence[Column], request: Request, where: str) -> Role
         heading=request.heading,
         times=request.times,
     )
+
+    # The lengths of the columns in use.
     lengths = {columns[i].rows: columns[i].name for i in reversed(roles.used)}
     if len(lengths) > 1:
         shown = ", ".join(f"{name!r} {rows:,}" for rows, name in list(lengths.items())[:3])

@@ -326,6 +326,7 @@ class _Walker:
 
 def _fields(layout: _Layout, body: bytes) -> list[Floats]:
     """Return the fields of messages up to the first of unknown type, NaN for texts."""
+    # Messages follow each other, so a field of all of them is one column.
     offset = _HEADER
     rows = len(body) // layout.size
     values: list[Floats] = []
@@ -340,6 +341,8 @@ def _fields(layout: _Layout, body: bytes) -> list[Floats]:
             )
             numbers = np.frombuffer(body, column)["v"].astype(np.float64)
             numbers = np.round(numbers * factor, _DECIMALS) if factor != 1 else numbers
+
+        # The next field follows.
         values.append(numbers)
         offset += np.dtype(kind).itemsize
     return values
@@ -367,12 +370,15 @@ def _text_tables(source: Source, findings: Findings) -> Iterator[tuple[str, dict
     }
     for lines in read_lines(source):
         for name, labels in described.items():
+            # Take the messages with as many cells as they have labels.
             found = lines.filter(pc.match_substring_regex(lines, rf"^{name}\s*,"))
             cells = pc.split_pattern(found, ",")
             is_whole = pc.equal(pc.list_value_length(cells), len(labels) + 1)
             broken = len(found) - (pc.sum(is_whole).as_py() or 0)
             findings.count("messages that can't be read dropped", broken, drops=True)
             cells = cells.filter(is_whole)
+
+            # Read their cells.
             texts = [
                 pc.utf8_trim_whitespace(pc.list_element(cells, i + 1)) for i in range(len(labels))
             ]

@@ -110,10 +110,9 @@ def _errors_of_h5py(where: str) -> Iterator[None]:
 
 def _columns(source: Source, request: Request) -> list[Column]:
     """Return the columns among which roles are found, named for that."""
+    # A user names datasets by their paths, or in order.
     columns = _all_columns(source)
-    if isinstance(request.columns, Mapping):
-        return columns
-    if isinstance(request.columns, tuple):
+    if request.columns is not None:
         return columns
 
     # Find the group that has time and position.
@@ -122,6 +121,8 @@ def _columns(source: Source, request: Request) -> list[Column]:
         group, _, leaf = column.name.rpartition("/")
         groups.setdefault(group, []).append(replace(column, name=leaf))
     complete = [group for group, members in groups.items() if _is_complete(members, request)]
+
+    # One has to be the log.
     if len(complete) > 1:
         shown = ", ".join(repr(group) for group in complete[:_MAX_SHOWN_GROUPS])
         first = complete[0]

@@ -123,6 +123,8 @@ def _parse(source: Source, _request: Request, findings: Findings) -> Iterator[Po
     for number, lines in enumerate(read_lines(source)):
         if number == 0:
             _check_datum(lines, source.name)
+
+        # Pass over the header.
         rows = lines.slice(min(to_skip, len(lines)))
         to_skip -= len(lines) - len(rows)
 
@@ -132,6 +134,8 @@ def _parse(source: Source, _request: Request, findings: Findings) -> Iterator[Po
         broken = rows.filter(cells.is_null())
         shown = broken[0].as_py()[:_MAX_SHOWN_LETTERS] if len(broken) else ""
         findings.count("lines that can't be read dropped", len(broken), drops=True, value=shown)
+
+        # Read the others.
         cells = cells.filter(cells.is_valid())
         yield _batch(
             {

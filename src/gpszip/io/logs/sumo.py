@@ -119,16 +119,18 @@ def read_sumo_batches(source: Source, request: Request) -> LogBatches:
 
 def _parse(source: Source, request: Request, findings: Findings) -> Iterator[PointBatch]:
     findings.empty = "no vehicle or person in this output of SUMO"
+    # Set the parser up for UTF-8, whatever the file declares.
     collector = _Collector(findings, geographic=_is_geographic(source, request))
     parser = expat.ParserCreate("utf-8")
     parser.StartElementHandler = collector.start
     parser.StartDoctypeDeclHandler = collector.refuse_doctype
     utf8 = Utf8Transcoder(source.head())
+
+    # Parse chunk by chunk.
     fed = 0
     with source.open() as stream:
         is_at_end = False
         while not is_at_end:
-            # The parser keeps an unfinished tag, and all names.
             chunk = read_chunk(stream, _CHUNK_BYTES)
             is_at_end = not chunk
             try:
@@ -140,6 +142,8 @@ def _parse(source: Source, request: Request, findings: Findings) -> Iterator[Poi
             except UnicodeDecodeError:
                 remedy = "fetch it again, or save it as UTF-8"
                 raise InputError("damaged text", path=source.name, remedy=remedy) from None
+
+            # The parser keeps an unfinished tag, and all names.
             if fed - parser.CurrentByteIndex > _MAX_TAG_BYTES or len(parser.intern) > _MAX_NAMES:
                 raise InputError(
                     "a tag that is too long, or too many names of elements",

@@ -149,6 +149,7 @@ def read_tlog(source: Source, request: Request) -> RawLog:
 def _parse(source: Source, _request: Request, findings: Findings) -> Iterator[PointBatch]:
     findings.empty = "no position with a fix in this telemetry log"
     findings.remedy = "choose a log of a flight with GPS"
+    # Collect frames. The last ones in memory may go on in the next chunk.
     walker = _Walker()
     rest = b""
     with source.open() as stream:
@@ -220,6 +221,8 @@ class _Walker:
                 self.skipped += following - position
                 position = following
                 continue
+
+            # Keep those with positions.
             frame = data[position : position + size]
             number = _number(frame)
             if number in _EXTRA:
@@ -273,6 +276,7 @@ def _payload(frame: bytes) -> bytes:
 
 def _attributes(rows: Rows) -> dict[str, NDArray[np.generic]]:
     """Return what the messages say besides the position; all kinds have the same names."""
+    # Directions and speeds are in hundredths.
     names = rows.dtype.names or ()
     missing = np.full(len(rows), np.nan)
 
@@ -281,6 +285,7 @@ def _attributes(rows: Rows) -> dict[str, NDArray[np.generic]]:
             return missing
         return np.where(rows[name] == _NO_VALUE, np.nan, rows[name] / 100)
 
+    # Estimates have speeds to north and east.
     is_global = "vx" in names
     east, north = (rows["vy"], rows["vx"]) if is_global else (missing, missing)
     velocity = np.hypot(east.astype(np.float64), north.astype(np.float64))

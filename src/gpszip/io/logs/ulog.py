@@ -134,6 +134,8 @@ def _parse(source: Source, request: Request, findings: Findings) -> Iterator[Poi
     # GPS knows UTC.
     tables = {topic: log.tables(topic) for topic in _TOPICS}
     offset = _offset_of_clock([*tables[_TOPICS[0]], *tables[_TOPICS[1]]])
+
+    # Yield the positions of the first topic that has some, and count those of the others.
     chosen = ""
     for topic in _TOPICS:
         if chosen:
@@ -182,6 +184,7 @@ class _Log:
 
     def add(self, kind: int, body: bytes) -> None:
         """Note what a message says."""
+        # Data are most of a file.
         if kind == ord("D") and len(body) > 2:
             number = int.from_bytes(body[:2], "little")
             if number not in self.data:
@@ -191,12 +194,14 @@ class _Log:
                 self.data[number] += body[2:]
             else:
                 self.odd += 1
+        # Subscriptions number the topics.
         elif kind == ord("A") and len(body) > 3:
             topic = body[3:].decode("ascii", "replace")
             number = int.from_bytes(body[1:3], "little")
             self.topics[number] = (topic, body[0])
             if topic in _TOPICS:
                 self.data.setdefault(number, bytearray())
+        # Formats come before them, dropouts wherever they happened.
         elif kind == ord("F"):
             name, _, fields = body.decode("ascii", "replace").partition(":")
             self.formats[name] = [
@@ -208,8 +213,11 @@ class _Log:
 
     def tables(self, topic: str) -> list[Rows]:
         """Return the messages of a topic, one table for each source, in the order of these."""
+        # Each source has messages of its own number.
         numbers = [n for n, (name, _) in self.topics.items() if name == topic and self.data.get(n)]
         numbers.sort(key=lambda number: self.topics[number][1])
+
+        # Read the fields where the format of the topic has them.
         tables = []
         for number in numbers:
             size = self.sizes[number]
@@ -261,6 +269,8 @@ def _read_messages(source: Source, request: Request, findings: Findings) -> _Log
             position = ends.pop(0) if len(ends) > 1 else len(data)
             findings.count("messages that are cut short dropped", 1)
             continue
+
+        # Note what the message says.
         body = data[position + _MESSAGE : end]
         if kind == ord("B"):
             ends = sorted({*_appended(body), len(data)})
@@ -315,6 +325,7 @@ def _offset_of_clock(tables: list[Rows]) -> float | None:
 def _batch(topic: str, rows: Rows, offset: float | None, findings: Findings) -> PointBatch:
     """Return the positions of a topic."""
     get = _getter(rows)
+    # Positions, and whether they are known.
     is_local = topic == "vehicle_local_position"
     if is_local:
         coordinates = np.stack([get("y"), get("x")], axis=1)
