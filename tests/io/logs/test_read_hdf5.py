@@ -144,3 +144,45 @@ def test_without_h5py_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(MissingExtraError, match=r"reading HDF5 needs the extra 'hdf5'"):
         raw(b"\x89HDF\r\n\x1a\n")
+
+
+@pytest.mark.parametrize(
+    ("units", "seconds", "origin"),
+    [
+        ("days since 2020-01-01", 86_400, "2020-01-01"),
+        ("seconds since 1970-1-1 0:0:0", 1, "1970-01-01"),
+        (np.bytes_(b"minutes since 2020-02-03T04:05:06Z"), 60, "2020-02-03T04:05:06"),
+        ("hours since 1900-01-01 00:00:00.0", 3600, "1900-01-01"),
+        ("microseconds since 2000-01-01 00:00:00 UTC", 1e-6, "2000-01-01"),
+    ],
+)
+def test_times_may_count_from_a_date(units, seconds, origin):
+    def fill(file):
+        file["time"], file["lat"], file["lon"] = T, T, T
+        file["time"].attrs["units"] = units
+        file["lat"].attrs["units"] = "degrees_north"
+
+    start = np.datetime64(origin, "s").astype(float)
+    assert raw(written(fill)).times.tolist() == (T * seconds + start).tolist()
+
+
+@pytest.mark.parametrize(
+    ("units", "calendar"),
+    [
+        ("fortnights since 2020-01-01", "standard"),
+        ("days since 2020-13-01", "standard"),
+        ("days since 2020-01-01 00:00 +05:30", "standard"),
+        ("days since 2020-01-01", "360_day"),
+    ],
+)
+def test_times_from_dates_that_cannot_be_read_are_refused(units, calendar):
+    def fill(file):
+        file["time"], file["lat"], file["lon"] = T, T, T
+        file["time"].attrs["units"], file["time"].attrs["calendar"] = units, calendar
+
+    with pytest.raises(InputError, match=r"log.h5: dataset '/time' has times in '.* since 2020"):
+        raw(written(fill))
+
+    # They don't matter if they are not used.
+    columns = {"t": "lat", "lat": "lat", "lon": "lon"}
+    assert len(raw(written(fill), columns=columns).times) == 9

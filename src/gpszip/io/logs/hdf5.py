@@ -6,6 +6,7 @@ Reading needs h5py, which the extra ``hdf5`` brings. Links to other files are no
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -32,6 +33,25 @@ _MAX_DATASETS = 10_000
 
 #: Attributes that netCDF gives to packed numbers.
 _PACKED = ("scale_factor", "add_offset")
+
+#: Units of times that count from a date, as netCDF writes them, in seconds.
+_SINCE = re.compile(
+    r"(microsecond|millisecond|second|sec|minute|min|hour|day|s|h|d)s? since "
+    r"(\d{4}-\d{1,2}-\d{1,2})(?:[T ](\d{1,2}:\d{1,2}(?::\d{1,2})?)(?:\.0*)?)?"
+    r"(?: ?(?:UTC|Z|\+?00:?00|0:00))?",
+    re.IGNORECASE,
+)
+_SECONDS = {
+    "microsecond": 1e-6,
+    "millisecond": 1e-3,
+    "m": 60.0,
+    "s": 1.0,
+    "h": 3600.0,
+    "d": 86_400.0,
+}
+
+#: Calendars whose dates are those of this package.
+_CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
 
 #: Groups that messages name.
 _MAX_SHOWN_GROUPS = 5
@@ -170,7 +190,7 @@ def _all_columns(source: Source) -> list[Column]:
         nonlocal found
         if isinstance(item, h5py.Dataset):
             found += 1
-            columns.extend(_columns_of_dataset(name, item))
+            columns.extend(_columns_of_dataset(name, item, source.name))
         if found > _MAX_DATASETS:
             raise InputError(f"more than {_MAX_DATASETS:,} datasets", path=source.name)
 
@@ -184,7 +204,7 @@ def _all_columns(source: Source) -> list[Column]:
     return columns
 
 
-def _columns_of_dataset(name: str, dataset: Any) -> list[Column]:
+def _columns_of_dataset(name: str, dataset: Any, where: str) -> list[Column]:
     # Data of other files would have to be fetched from wherever the file says.
     if dataset.shape is None or dataset.is_virtual or dataset.external:
         return []
@@ -198,16 +218,19 @@ def _columns_of_dataset(name: str, dataset: Any) -> list[Column]:
     # Bring packed numbers to those that they stand for.
     scale, offset = (_attribute(dataset, key) for key in _PACKED)
     filler = _attribute(dataset, "_FillValue")
-    is_packed = dataset.dtype.kind in "iuf" and (scale, offset, filler) != (None, None, None)
+    is_number = dataset.dtype.kind in "iuf"
 
     def load(rows: slice) -> NDArray[Any]:
         values: NDArray[Any] = dataset[rows]
-        if not is_packed:
+        since = _since(dataset, where) if is_number else None
+        if not is_number or (scale, offset, filler, since) == (None,) * 4:
             return values
+        factor, origin = since or (1.0, 0.0)
         with np.errstate(all="ignore"):  # a damaged file holds any numbers
             numbers = values.astype(np.float64)
             numbers[values == filler] = np.nan
-            unpacked: NDArray[Any] = numbers * (1.0 if scale is None else scale) + (offset or 0.0)
+            numbers = numbers * (1.0 if scale is None else scale) + (offset or 0.0)
+            unpacked: NDArray[Any] = numbers * factor + origin
         return unpacked
 
     return columns_of(name, dataset.shape, dataset.dtype, load)
@@ -216,3 +239,41 @@ def _columns_of_dataset(name: str, dataset: Any) -> list[Column]:
 def _attribute(dataset: Any, name: str) -> float | None:
     value = np.asarray(dataset.attrs.get(name, np.array([])))
     return float(value.flat[0]) if value.size == 1 and value.dtype.kind in "iuf" else None
+
+
+def _since(dataset: Any, where: str) -> tuple[float, float] | None:
+    """Return the unit of times that count from a date in seconds, and the date since 1970.
+
+    Raises
+    ------
+    InputError
+        If the date or the calendar can't be read: other times would be wrong.
+    """
+    # Other datasets have other units, or none.
+    units = _text(dataset, "units")
+    if " since " not in units:
+        return None
+    match = _SINCE.fullmatch(units.strip())
+    calendar = _text(dataset, "calendar") or _CALENDARS[0]
+    problem = InputError(
+        f"dataset {dataset.name!r} has times in {units[:_MAX_REASON_LETTERS]!r}",
+        path=where,
+        remedy="write seconds since 1970-01-01 00:00:00, UTC",
+    )
+    if match is None or calendar.lower() not in _CALENDARS:
+        raise problem
+
+    # Digits may be missing: 2020-1-1 0:0.
+    date = "-".join(f"{int(part):02}" for part in match[2].split("-"))
+    clock = ":".join(f"{int(part):02}" for part in (match[3] or "00:00").split(":"))
+    try:
+        origin = float(np.datetime64(f"{date}T{clock}", "s").astype(np.int64))
+    except ValueError:
+        raise problem from None
+    unit = match[1].lower()
+    return _SECONDS.get(unit, _SECONDS[unit[0]]), origin
+
+
+def _text(dataset: Any, name: str) -> str:
+    value = dataset.attrs.get(name, "")
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
