@@ -351,6 +351,31 @@ def _parquets() -> Sequence[bytes]:
     return [_parquet(pq, table, kind) for table in tables for kind in ("none", "snappy", "zstd")]
 
 
+@cache
+def _geoparquets() -> Sequence[bytes]:
+    import numpy as np
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    from gpszip.io.logs.write import write_tracks
+    from gpszip.model import Track
+    from oracle.geometries import line, point
+
+    # A file as GPSZip writes it
+    written = io.BytesIO()
+    times, ele = np.arange(20.0), np.arange(20.0)
+    positions = np.column_stack([times, times])
+    track = Track("a", times, positions, attributes={"ele": ele})
+    write_tracks([track], written, "geoparquet")
+    # Points with z, and lines with m
+    points = [point((11 + i / 1e3, 48, 5), axes="z") for i in range(8)]
+    lines = [line([(11, 48, 0), (12, 49, 9)], axes="m"), None]
+    tables = [pa.table({"t": range(len(cells)), "g": cells}) for cells in (points, lines)]
+    geo = b'{"primary_column": "g", "columns": {"g": {"encoding": "WKB", "geometry_types": []}}}'
+    marked = [table.replace_schema_metadata({b"geo": geo}) for table in tables]
+    return [written.getvalue(), *(_parquet(pq, table, "none") for table in marked)]
+
+
 def _parquet(pq: object, table: object, compression: str) -> bytes:
     out = io.BytesIO()
     pq.write_table(table, out, compression=compression)  # type: ignore[attr-defined]
@@ -586,6 +611,11 @@ TARGETS = {
     "csv, stored": Target(_stored(format="csv", clean=True, sort=True), _texts(CSV)),
     "xml, stored": Target(_stored(split=True), _texts(GPX + KML + TCX)),
     "parquet, stored": Target(_stored(format="parquet"), _parquets, mutations.BINARY),
+    "geoparquet": Target(_log("parquet"), _geoparquets, mutations.BINARY),
+    "geoparquet, table": Target(
+        _log("parquet", skip_bad=True), _geoparquets, mutations.BINARY, _apply_to_table
+    ),
+    "geoparquet, stored": Target(_stored(format="parquet"), _geoparquets, mutations.BINARY),
     "google": Target(_log("google", skip_bad=True, sort=True, keep=("accuracy",)), _histories),
     "google, stored": Target(_stored(format="google-paths", split=True), _histories),
     "fit": Target(_log("fit", skip_bad=True, sort=True, keep=("hr",)), _fits, mutations.BINARY),

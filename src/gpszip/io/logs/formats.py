@@ -46,6 +46,15 @@ PARQUET = LogFormat(
     is_binary=True,
 )
 
+# Parquet is read as GeoParquet wherever it has geometries; the name decides what is written.
+GEOPARQUET = replace(
+    PARQUET,
+    name="geoparquet",
+    suffixes=(".geoparquet",),
+    description="rows with points and times, or lines as shapes; in degrees, or by its CRS",
+    write=deferred("gpszip.io.logs.vector.geoparquet", "write_geoparquet"),
+)
+
 GPX = LogFormat(
     name="gpx",
     suffixes=(".gpx",),
@@ -152,6 +161,7 @@ CSV = LogFormat(
 #: The formats of GPSZip, in the order in which they are asked.
 LOG_FORMATS: tuple[LogFormat, ...] = (
     PARQUET,
+    GEOPARQUET,
     GPX,
     KML,
     KMZ,
