@@ -233,6 +233,26 @@ NMEA = (
     "$GPGLL,5327.04024,N,00214.41560,W,102929.00,A,A*7A\r\n",
 )
 
+MF_JSON = (
+    """{"type": "FeatureCollection", "features": [{"type": "Feature", "properties": {"id": "a"},
+"crs": {"type": "Name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}},
+"temporalGeometry": {"type": "MovingPoint", "interpolation": "Linear",
+ "coordinates": [[11.5, 48.1, 500], [11.6, 48.1, 501]],
+ "datetimes": ["2024-05-04T08:00:00Z", "2024-05-04T08:00:10Z"]},
+"temporalProperties": [{"datetimes": ["2024-05-04T08:00:00Z", "2024-05-04T08:00:10Z"],
+ "speed": {"type": "Measure", "values": [3, 4]}}]}]}""",
+    """{"type": "Feature", "properties": {"id": "a", "speed": [3, 4],
+ "datetimes": [1714809600000, 1714809610000]},
+"geometry": {"type": "LineString", "coordinates": [[11.5, 48.1], [11.6, 48.1]]}}""",
+    """{"type": "MovingGeogPoint", "crs": {"type": "Name", "properties": {"name": "EPSG:4326"}},
+"sequences": [{"coordinates": [[11.5, 48.1], [11.6, 48.1]], "lower_inc": true,
+ "datetimes": ["2024-05-04T08:00:00+00", "2024-05-04T08:00:10+00"]},
+{"coordinates": [[11.7, 48.1]], "datetimes": ["2024-05-04T08:00:20+00"]}]}""",
+    """{"type": "Feature", "temporalGeometry": {"type": "MovingGeometryCollection", "prisms": [
+{"type": "MovingPoint", "coordinates": [11.5, 48.1], "datetimes": "2024-05-04T08:00:00Z"},
+{"type": "MovingPolygon", "coordinates": [], "datetimes": []}]}}""",
+)
+
 ROADS_GEOJSON = (
     """{"type": "FeatureCollection", "features": [
 {"type": "Feature", "properties":
@@ -606,6 +626,8 @@ TARGETS = {
     "kml": Target(_log("kml", keep=("ele",), heading=True, split=True), _texts(KML)),
     "tcx": Target(_log("tcx", keep=("ele",), split=True), _texts(TCX)),
     "geojson": Target(_log("geojson", sort=True), _texts(GEOJSON)),
+    "mf-json": Target(_log(None, sort=True), _texts(MF_JSON)),
+    "mf-json, kept": Target(_log("geojson", sort=True, keep=("speed",)), _texts(MF_JSON)),
     "parquet": Target(_log("parquet"), _parquets, mutations.BINARY),
     "parquet, table": Target(_log("parquet"), _parquets, mutations.BINARY, _apply_to_table),
     "csv, stored": Target(_stored(format="csv", clean=True, sort=True), _texts(CSV)),

@@ -110,6 +110,15 @@ GEOJSON = LogFormat(
     write=deferred("gpszip.io.logs.geojson.write", "write_geojson"),
 )
 
+# Files of GeoJSON may hold moving features, so one reader takes both.
+MF_JSON = replace(
+    GEOJSON,
+    name="mf-json",
+    suffixes=(".mfjson",),
+    description="moving features (OGC): trajectories, prisms, and MovingPoints of MobilityDB",
+    write=deferred("gpszip.io.logs.geojson.write_moving", "write_mf_json"),
+)
+
 GOOGLE = LogFormat(
     name="google",
     suffixes=(),
@@ -169,6 +178,7 @@ LOG_FORMATS: tuple[LogFormat, ...] = (
     GOOGLE,
     GOOGLE_PATHS,
     GEOJSON,
+    MF_JSON,
     FIT,
     NMEA,
     CSV,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
+from gpszip.io.logs.geojson.attributes import join_attributes
 from gpszip.io.logs.geojson.features import BadPosition, Line
 from gpszip.io.logs.geojson.points import PointTable, dropped_positions_repair
 from gpszip.io.logs.geojson.times import has_text_times, read_times
@@ -123,18 +124,22 @@ def log_from_lines(contents: Contents, request: Request, *, metric: bool) -> Raw
     # A third number is a coordinate of metres, else a height that may be kept.
     table = np.concatenate([line.table for line in lines])
     has_heights = bool(np.isfinite(table[:, 2]).any())
-    kept = {name: table[:, 2] for name in request.keep if name in HEIGHT_NAMES and has_heights}
+    kept = join_attributes(lines, request.keep)
+    takes_heights = False
+    for name in request.keep:
+        if name not in kept and name in HEIGHT_NAMES and has_heights:
+            kept[name], takes_heights = table[:, 2], True
     if missing := [name for name in request.keep if name not in kept]:
         raise InputError(
             f"its positions have no {missing[0]!r}",
             path=contents.name,
-            remedy="only a third number, alt, can be kept",
+            remedy="a third number, alt, or a property with a value for each position can be kept",
         )
     # Positions are x, y[, z] in metres, but longitude and latitude in degrees, which a log has
     # the other way round.
     dimension = 3 if has_heights else 2
     coordinates = (table[:, :dimension] if metric else table[:, 1::-1]).copy()
-    drops_heights = has_heights and not metric and not kept
+    drops_heights = has_heights and not metric and not takes_heights
 
     # A file with one line and no name has no ids.
     tracks = _name_lines(lines)
@@ -150,7 +155,7 @@ def log_from_lines(contents: Contents, request: Request, *, metric: bool) -> Raw
         attributes=kept,
         row_noun="position",
         dropped_columns=("alt",) if drops_heights else (),
-        repairs=_list_repairs(contents, tracks.renamed, table[:, 2] if kept else None),
+        repairs=_list_repairs(contents, tracks.renamed, table[:, 2] if takes_heights else None),
         left_out=list_left_out(contents, "no line"),
         unreadable=unreadable,
         untimed=tracks.untimed,

@@ -56,8 +56,10 @@ def read_geojson(source: Source, request: Request) -> RawLog:
     A line has its times in the property ``coordTimes`` or ``times``, or as the fourth number of
     each position, and its name in ``track_id``, ``id`` or ``name``. A line without times is read
     as a shape, as is each line of a MultiLineString without times. A point has its time and name
-    among its properties. Features may be in a FeatureCollection, in a list, or one on each line of
-    the file. Positions that are no two finite numbers are dropped and counted.
+    among its properties. Moving features (MF-JSON) are tracks: a line with ``datetimes``, a
+    ``temporalGeometry``, or a MovingPoint by itself. Features may be in a FeatureCollection, in a
+    list, or one on each line of the file, also after record separators (RFC 8142). Positions that
+    are no two finite numbers are dropped and counted.
 
     Parameters
     ----------
@@ -81,7 +83,7 @@ def read_geojson(source: Source, request: Request) -> RawLog:
     """
     # Read all features, as only the end of the file shows whether any line has times.
     contents = Contents(source.name, request.skip_bad, PointTable(source.name))
-    _collect_features(contents, source, PropertyNames.of(request.columns))
+    _collect_features(contents, source, PropertyNames.of(request.columns, request.keep))
     metric = _is_metric(contents)
 
     # Is the log in its lines?

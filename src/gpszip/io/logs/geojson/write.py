@@ -15,7 +15,7 @@ from gpszip.errors import OutputError
 from gpszip.io.logs.raw import HEIGHT_NAMES
 from gpszip.io.logs.track_rows import TrackRows, group_into_lines, round_decimals
 
-__all__ = ["METRES_MEMBER", "write_geojson"]
+__all__ = ["METRES_MEMBER", "to_json_list", "write_geojson"]
 
 #: Member of a collection whose coordinates are metres on the log's own plane, as GeoJSON has no
 #: word for them.
@@ -127,13 +127,13 @@ def _line_columns(line: TrackRows) -> _LineColumns:
         heights = round_decimals(attributes.pop(height).astype(np.float64), _HEIGHT_DECIMALS)
         positions = np.column_stack([positions, heights])
 
-    properties = {name: _to_json_list(values) for name, values in attributes.items()}
+    properties = {name: to_json_list(values) for name, values in attributes.items()}
     if line.times is not None:
         properties["times"] = line.times.tolist()
     return _LineColumns(positions.tolist(), properties)
 
 
-def _to_json_list(values: NDArray[np.generic]) -> list[Any]:
+def to_json_list(values: NDArray[np.generic]) -> list[Any]:
     """Return values for JSON: null for numbers that are not finite, which JSON can't hold."""
     # Python's json.dumps would write NaN and Infinity, which other readers refuse.
     plain: list[Any] = values.tolist()
