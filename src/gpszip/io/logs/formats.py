@@ -55,6 +55,27 @@ GEOPARQUET = replace(
     write=deferred("gpszip.io.logs.vector.geoparquet", "write_geoparquet"),
 )
 
+GPKG = LogFormat(
+    name="gpkg",
+    suffixes=(".gpkg",),
+    description="GeoPackage: a layer of points with times, or of lines, with times as their m",
+    sniff=deferred("gpszip.io.logs.vector.gdal", "sniff_gpkg"),
+    read=deferred("gpszip.io.logs.vector.gdal", "read_vector"),
+    read_batches=deferred("gpszip.io.logs.vector.gdal", "read_vector_batches"),
+    write=deferred("gpszip.io.logs.vector.gdal", "write_gpkg"),
+    is_binary=True,
+    extra="gis",
+)
+
+FLATGEOBUF = replace(
+    GPKG,
+    name="flatgeobuf",
+    suffixes=(".fgb",),
+    description="points with times, or lines, with times as their m",
+    sniff=deferred("gpszip.io.logs.vector.gdal", "sniff_flatgeobuf"),
+    write=deferred("gpszip.io.logs.vector.gdal", "write_flatgeobuf"),
+)
+
 GPX = LogFormat(
     name="gpx",
     suffixes=(".gpx",),
@@ -171,6 +192,8 @@ CSV = LogFormat(
 LOG_FORMATS: tuple[LogFormat, ...] = (
     PARQUET,
     GEOPARQUET,
+    GPKG,
+    FLATGEOBUF,
     GPX,
     KML,
     KMZ,
