@@ -10,7 +10,7 @@ import tempfile
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -396,6 +396,20 @@ def _geoparquets() -> Sequence[bytes]:
     return [written.getvalue(), *(_parquet(pq, table, "none") for table in marked)]
 
 
+@cache
+def _geodata(format: str) -> Sequence[bytes]:
+    import numpy as np
+
+    from gpszip.io.logs.write import write_tracks
+    from gpszip.model import Track
+
+    written = io.BytesIO()
+    times = np.arange(20.0)
+    track = Track("a", times, np.column_stack([times, times]), attributes={"ele": times})
+    write_tracks([track], written, format)
+    return [written.getvalue()]
+
+
 def _parquet(pq: object, table: object, compression: str) -> bytes:
     out = io.BytesIO()
     pq.write_table(table, out, compression=compression)  # type: ignore[attr-defined]
@@ -638,6 +652,10 @@ TARGETS = {
         _log("parquet", skip_bad=True), _geoparquets, mutations.BINARY, _apply_to_table
     ),
     "geoparquet, stored": Target(_stored(format="parquet"), _geoparquets, mutations.BINARY),
+    "gpkg": Target(_log("gpkg", sort=True), partial(_geodata, "gpkg"), mutations.BINARY),
+    "flatgeobuf": Target(
+        _log("flatgeobuf", sort=True), partial(_geodata, "flatgeobuf"), mutations.BINARY
+    ),
     "google": Target(_log("google", skip_bad=True, sort=True, keep=("accuracy",)), _histories),
     "google, stored": Target(_stored(format="google-paths", split=True), _histories),
     "fit": Target(_log("fit", skip_bad=True, sort=True, keep=("hr",)), _fits, mutations.BINARY),

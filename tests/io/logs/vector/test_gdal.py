@@ -173,6 +173,34 @@ def test_a_file_that_is_cut_short_is_refused(tmp_path, suffix, share):
         read_logs(path)
 
 
+@pytest.mark.parametrize("suffix", DRIVERS)
+@pytest.mark.parametrize("kind", ["Point", "Point Z", "Unknown"])
+def test_a_layer_without_rows_is_refused(tmp_path, suffix, kind):
+    path = put(tmp_path / f"a{suffix}", [], kind, t=pa.array([], pa.float64()))
+    with pytest.raises(InputError, match=r"but no rows|no layer has points"):
+        read_logs(path)
+
+
+def test_an_index_changes_the_order_which_sorting_repairs(tmp_path):
+    # FlatGeobuf with an index has its rows along a curve through the plane.
+    xs = 11 + np.array([0, 9, 1, 8, 2]) / 10
+    cells = pa.array(points(xs, LAT))
+    table = pa.table({"t": TIMES, "geometry": cells})
+    path = tmp_path / "a.fgb"
+    pyogrio.write_arrow(
+        table,
+        path,
+        driver="FlatGeobuf",
+        geometry_name="geometry",
+        geometry_type="Point",
+        crs="EPSG:4326",
+    )
+    with pytest.raises(InputError, match="--sort"):
+        read_logs(path)
+    [track] = read_logs(path, sort=True).tracks
+    np.testing.assert_allclose(degrees(track)[:, 1], xs, atol=1e-9)
+
+
 def test_another_database_is_no_geopackage(tmp_path):
     with sqlite3.connect(tmp_path / "a.gpkg") as database:
         database.execute("CREATE TABLE log (t, lat, lon)")

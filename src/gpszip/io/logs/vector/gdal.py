@@ -272,7 +272,10 @@ def _open_layer(target: Any, name: str, kind: str, request: Request, where: str)
         meta = opened.meta
         has_geometries = meta["geometry_type"] is not None
         batch = _quietly(next, iter(opened.reader), None) if has_geometries else None
-        first = None if batch is None or not len(batch) else _geometries(batch, meta)
+        first = None
+        if batch is not None and len(batch):
+            batch.validate(full=True)
+            first = _geometries(batch, meta)
     with ExitStack() as stack:
         fields = [str(field) for field in _open(stack, target, name, None).meta["fields"]]
     reference = find_reference(meta["crs"], where)
@@ -283,7 +286,9 @@ def _open_layer(target: Any, name: str, kind: str, request: Request, where: str)
     is_point = "Point" in kind if first is None else "Point" in "".join(_kinds(first))
     if not has_geometries or not is_point:
         return layer
-    has_z = "Z" in kind or bool(np.isfinite(parse_points(first).table[:, 2]).any())
+    has_z = "Z" in kind
+    if first is not None:
+        has_z |= bool(np.isfinite(parse_points(first).table[:, 2]).any())
     try:
         points = open_point_rows(fields, _GEOMETRY, reference, tables, request, where, has_z=has_z)
     except InputError as error:
@@ -362,6 +367,8 @@ def _explained_errors(where: str) -> Iterator[None]:
         yield
     except InputError:
         raise
+    except UnboundLocalError:  # of pyogrio 0.13, where GDAL can't write a system as text
+        raise InputError("damaged: its coordinate system can't be read", path=where) from None
     except (*gdal_errors, pa.ArrowException) as error:
         raise InputError(f"damaged, says GDAL: {_reason(error)}", path=where) from None
 
