@@ -131,6 +131,14 @@ GEOJSON = LogFormat(
     write=deferred("gpszip.io.logs.geojson.write", "write_geojson"),
 )
 
+GEOJSONL = replace(
+    GEOJSON,
+    name="geojsonl",
+    suffixes=(".geojsonl", ".geojsons"),
+    description="GeoJSON with a feature on each line, or after each record separator (RFC 8142)",
+    write=deferred("gpszip.io.logs.geojson.write", "write_geojsonl"),
+)
+
 # Files of GeoJSON may hold moving features, so one reader takes both.
 MF_JSON = replace(
     GEOJSON,
@@ -201,6 +209,7 @@ LOG_FORMATS: tuple[LogFormat, ...] = (
     GOOGLE,
     GOOGLE_PATHS,
     GEOJSON,
+    GEOJSONL,
     MF_JSON,
     FIT,
     NMEA,

@@ -15,7 +15,7 @@ from gpszip.errors import OutputError
 from gpszip.io.logs.raw import HEIGHT_NAMES
 from gpszip.io.logs.track_rows import TrackRows, group_into_lines, round_decimals
 
-__all__ = ["METRES_MEMBER", "to_json_list", "write_geojson"]
+__all__ = ["METRES_MEMBER", "to_json_list", "write_geojson", "write_geojsonl"]
 
 #: Member of a collection whose coordinates are metres on the log's own plane, as GeoJSON has no
 #: word for them.
@@ -79,6 +79,22 @@ def write_geojson(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
 
     # Without a track, no collection was begun.
     sink.write(_EMPTY_COLLECTION if geographic is None else b"\n]}\n")
+
+
+def write_geojsonl(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
+    """Write the features of :func:`write_geojson`, one on each line, without a collection.
+
+    Parameters
+    ----------
+    tracks : iterable of TrackRows
+        As for :func:`write_geojson`. A feature in metres is marked by the member ``gpszip``.
+    sink : binary file
+        The file to write to.
+    """
+    for name, lines in group_into_lines(tracks):
+        member = {} if lines[0].geographic else METRES_MEMBER
+        for feature in _track_features(name, lines):
+            sink.write(json.dumps({**feature, **member}, ensure_ascii=False).encode() + b"\n")
 
 
 def _track_features(name: str, lines: Sequence[TrackRows]) -> Iterator[dict[str, Any]]:
