@@ -192,6 +192,17 @@ def test_what_is_written_comes_back(tmp_path):
         np.testing.assert_allclose(degrees(track), degrees(other), atol=1e-8)
 
 
+def test_a_folder_of_files_is_one_log(tmp_path):
+    for number, track in enumerate(tracks_on_earth()):
+        (tmp_path / f"day={number}").mkdir()
+        write_tracks([track], tmp_path / f"day={number}" / "a.geoparquet")
+    reading = read_logs(tmp_path, keep=("day",))
+    assert [(track.id, set(track.attributes["day"])) for track in reading.tracks] == [
+        ("a", {0}),
+        ("b", {1}),
+    ]
+
+
 def test_metres_come_back_as_metres(tmp_path):
     track = Track("hall", [0, 1.5], [[0, 0, 1], [1, 2, 3]])
     write_tracks([track], tmp_path / "a.geoparquet")

@@ -169,7 +169,7 @@ def _encode_points(numbers: Floats) -> Any:
     size = len(header) + 8 * width
     encoded = np.empty((count, size), np.uint8)
     encoded[:, : len(header)] = np.frombuffer(header, np.uint8)
-    encoded[:, len(header) :] = numbers.astype("<f8").view(np.uint8).reshape(count, -1)
+    encoded[:, len(header) :] = numbers.astype("<f8").view(np.uint8).reshape(count, 8 * width)
     offsets = np.arange(count + 1, dtype=np.int64) * size
     array = pa.Array.from_buffers(
         pa.large_binary(), count, [None, pa.py_buffer(offsets), pa.py_buffer(encoded)]
