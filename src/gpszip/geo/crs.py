@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from gpszip.errors import InputError
 if TYPE_CHECKING:
     from pyproj import CRS
 
-__all__ = ["is_geographic", "is_local", "to_degrees"]
+__all__ = ["is_geographic", "is_local", "to_degrees", "to_projjson"]
 
 #: Characters of an unknown CRS in a message; well-known text takes many lines.
 _MAX_CRS_CHARACTERS = 60
@@ -101,6 +101,28 @@ def to_degrees(points: NDArray[np.float64], crs: str, where: str) -> NDArray[np.
     except ProjError as error:
         raise _unknown_crs_error(crs, where) from error
     return np.stack((lon, lat), axis=1)
+
+
+def to_projjson(crs: str, where: str) -> dict[str, Any]:
+    """Return a coordinate reference system as PROJJSON, which GeoParquet holds.
+
+    Parameters
+    ----------
+    crs, where : str
+        As for :func:`is_geographic`.
+
+    Raises
+    ------
+    InputError
+        If the system is unknown.
+
+    Examples
+    --------
+    >>> to_projjson("EPSG:4326", "log")["id"]
+    {'authority': 'EPSG', 'code': 4326}
+    """
+    converted: dict[str, Any] = _parse_crs(crs, where).to_json_dict()
+    return converted
 
 
 def _parse_crs(crs: str, where: str) -> CRS:

@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 
 from gpszip.errors import InputError
+from gpszip.geo.crs import to_projjson
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.logs.track_rows import TrackRows
 from gpszip.io.logs.vector.geometry import geometry_kinds, parse_points
@@ -240,7 +241,7 @@ def write_geoparquet(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
         "encoding": "WKB",
         "geometry_types": ["Point Z" if opened.has_z else "Point"],
         "covering": {"bbox": {name: ["bbox", name] for name in _BOX_NUMBERS}},
-        **({} if opened.geographic else {"crs": _local_crs()}),
+        **({} if opened.geographic else {"crs": to_projjson(LOCAL_METRES, "log")}),
     }
     geo = {"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": columns}}
     metadata = {b"geo": json.dumps(geo).encode()}
@@ -251,13 +252,6 @@ def write_geoparquet(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
     with pq.ParquetWriter(sink, first.schema.with_metadata(metadata)) as writer:
         for table in chain([first], tables):
             writer.write_table(table.replace_schema_metadata(metadata))
-
-
-def _local_crs() -> Any:
-    """Return the system of metres as PROJJSON."""
-    from pyproj import CRS
-
-    return CRS.from_wkt(LOCAL_METRES).to_json_dict()
 
 
 def _finish(rows: PointTable) -> Any:
