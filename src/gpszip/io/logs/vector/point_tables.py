@@ -157,7 +157,7 @@ def _is_number(kind: Any) -> bool:
 
 
 def _to_floats(column: Any) -> Floats:
-    floats: Floats = column.to_numpy().astype(np.float64)
+    floats: Floats = column.to_numpy(zero_copy_only=False).astype(np.float64)
     return floats
 
 
