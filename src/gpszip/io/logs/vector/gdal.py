@@ -326,7 +326,7 @@ def _tables(target: Any, layer: str, where: str, columns: list[str]) -> Iterator
             batch.validate(full=True)  # GDAL passes on texts that aren't UTF-8
             names = list(batch.schema.names)
             names[_geometry_index(batch, opened.meta)] = _GEOMETRY
-            yield pa.Table.from_batches([batch.rename_columns(names)])
+            yield pa.Table.from_batches([batch]).rename_columns(names)
 
 
 def _geometries(batch: Any, meta: Mapping[str, Any]) -> Any:
