@@ -180,4 +180,4 @@ def test_every_command_has_a_man_page(tmp_path):
     assert pages == {"gpszip", *(f"gpszip-{name}" for name in _COMMANDS)}
     page = (tmp_path / "gpszip-compress.1").read_text()
     assert "GPSZIP_EFFORT" in page
-    assert "parquet, gpx" in page
+    assert "parquet, geoparquet" in page

@@ -10,7 +10,7 @@ import tempfile
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -322,6 +322,26 @@ CARMEN = (
     ),
 )
 
+MF_JSON = (
+    """{"type": "FeatureCollection", "features": [{"type": "Feature", "properties": {"id": "a"},
+"crs": {"type": "Name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}},
+"temporalGeometry": {"type": "MovingPoint", "interpolation": "Linear",
+ "coordinates": [[11.5, 48.1, 500], [11.6, 48.1, 501]],
+ "datetimes": ["2024-05-04T08:00:00Z", "2024-05-04T08:00:10Z"]},
+"temporalProperties": [{"datetimes": ["2024-05-04T08:00:00Z", "2024-05-04T08:00:10Z"],
+ "speed": {"type": "Measure", "values": [3, 4]}}]}]}""",
+    """{"type": "Feature", "properties": {"id": "a", "speed": [3, 4],
+ "datetimes": [1714809600000, 1714809610000]},
+"geometry": {"type": "LineString", "coordinates": [[11.5, 48.1], [11.6, 48.1]]}}""",
+    """{"type": "MovingGeogPoint", "crs": {"type": "Name", "properties": {"name": "EPSG:4326"}},
+"sequences": [{"coordinates": [[11.5, 48.1], [11.6, 48.1]], "lower_inc": true,
+ "datetimes": ["2024-05-04T08:00:00+00", "2024-05-04T08:00:10+00"]},
+{"coordinates": [[11.7, 48.1]], "datetimes": ["2024-05-04T08:00:20+00"]}]}""",
+    """{"type": "Feature", "temporalGeometry": {"type": "MovingGeometryCollection", "prisms": [
+{"type": "MovingPoint", "coordinates": [11.5, 48.1], "datetimes": "2024-05-04T08:00:00Z"},
+{"type": "MovingPolygon", "coordinates": [], "datetimes": []}]}}""",
+)
+
 ROADS_GEOJSON = (
     """{"type": "FeatureCollection", "features": [
 {"type": "Feature", "properties":
@@ -531,6 +551,45 @@ def _parquets() -> Sequence[bytes]:
         ),
     ]
     return [_parquet(pq, table, kind) for table in tables for kind in ("none", "snappy", "zstd")]
+
+
+@cache
+def _geoparquets() -> Sequence[bytes]:
+    import numpy as np
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    from gpszip.io.logs.write import write_tracks
+    from gpszip.model import Track
+    from oracle.geometries import line, point
+
+    # A file as GPSZip writes it
+    written = io.BytesIO()
+    times, ele = np.arange(20.0), np.arange(20.0)
+    positions = np.column_stack([times, times])
+    track = Track("a", times, positions, attributes={"ele": ele})
+    write_tracks([track], written, "geoparquet")
+    # Points with z, and lines with m
+    points = [point((11 + i / 1e3, 48, 5), axes="z") for i in range(8)]
+    lines = [line([(11, 48, 0), (12, 49, 9)], axes="m"), None]
+    tables = [pa.table({"t": range(len(cells)), "g": cells}) for cells in (points, lines)]
+    geo = b'{"primary_column": "g", "columns": {"g": {"encoding": "WKB", "geometry_types": []}}}'
+    marked = [table.replace_schema_metadata({b"geo": geo}) for table in tables]
+    return [written.getvalue(), *(_parquet(pq, table, "none") for table in marked)]
+
+
+@cache
+def _geodata(format: str) -> Sequence[bytes]:
+    import numpy as np
+
+    from gpszip.io.logs.write import write_tracks
+    from gpszip.model import Track
+
+    written = io.BytesIO()
+    times = np.arange(20.0)
+    track = Track("a", times, np.column_stack([times, times]), attributes={"ele": times})
+    write_tracks([track], written, format)
+    return [written.getvalue()]
 
 
 def _parquet(pq: object, table: object, compression: str) -> bytes:
@@ -827,6 +886,8 @@ TARGETS = {
     "kml": Target(_log("kml", keep=("ele",), heading=True, split=True), _texts(KML)),
     "tcx": Target(_log("tcx", keep=("ele",), split=True), _texts(TCX)),
     "geojson": Target(_log("geojson", sort=True), _texts(GEOJSON)),
+    "mf-json": Target(_log(None, sort=True), _texts(MF_JSON)),
+    "mf-json, kept": Target(_log("geojson", sort=True, keep=("speed",)), _texts(MF_JSON)),
     "parquet": Target(_log("parquet"), _parquets, mutations.BINARY),
     "parquet, table": Target(_log("parquet"), _parquets, mutations.BINARY, _apply_to_table),
     "tum": Target(_log("tum", heading=True, keep=("qw",), sort=True), _texts(TUM)),
@@ -840,6 +901,15 @@ TARGETS = {
     "csv, stored": Target(_stored(format="csv", clean=True, sort=True), _texts(CSV)),
     "xml, stored": Target(_stored(split=True), _texts(GPX + KML + TCX)),
     "parquet, stored": Target(_stored(format="parquet"), _parquets, mutations.BINARY),
+    "geoparquet": Target(_log("parquet"), _geoparquets, mutations.BINARY),
+    "geoparquet, table": Target(
+        _log("parquet", skip_bad=True), _geoparquets, mutations.BINARY, _apply_to_table
+    ),
+    "geoparquet, stored": Target(_stored(format="parquet"), _geoparquets, mutations.BINARY),
+    "gpkg": Target(_log("gpkg", sort=True), partial(_geodata, "gpkg"), mutations.BINARY),
+    "flatgeobuf": Target(
+        _log("flatgeobuf", sort=True), partial(_geodata, "flatgeobuf"), mutations.BINARY
+    ),
     "google": Target(_log("google", skip_bad=True, sort=True, keep=("accuracy",)), _histories),
     "google, stored": Target(_stored(format="google-paths", split=True), _histories),
     "fit": Target(_log("fit", skip_bad=True, sort=True, keep=("hr",)), _fits, mutations.BINARY),

@@ -107,16 +107,28 @@ def to_degrees(points: NDArray[np.float64], crs: str, where: str) -> NDArray[np.
     return np.stack((lon, lat), axis=1)
 
 
-def to_projjson(crs: str) -> dict[str, Any]:
-    """Return a coordinate system as PROJJSON, as GeoParquet names it.
+def to_projjson(crs: str, where: str = "") -> dict[str, Any]:
+    """Return a coordinate reference system as PROJJSON, which GeoParquet holds.
+
+    Parameters
+    ----------
+    crs, where : str
+        As for :func:`is_geographic`.
+
+    Raises
+    ------
+    InputError
+        If the system is unknown.
 
     Examples
     --------
+    >>> to_projjson("EPSG:4326", "log")["id"]
+    {'authority': 'EPSG', 'code': 4326}
     >>> to_projjson(METRES)["type"]
     'EngineeringCRS'
     """
-    projjson: dict[str, Any] = _parse_crs(crs, "").to_json_dict()
-    return projjson
+    converted: dict[str, Any] = _parse_crs(crs, where).to_json_dict()
+    return converted
 
 
 def _parse_crs(crs: str, where: str) -> CRS:

@@ -16,6 +16,10 @@ from gpszip.io.logs.write import write_tracks
 from gpszip.io.logs.xml.writing import has_unwritable_letters
 from gpszip.model import Plane, Track
 
+#: Formats of geographic information systems.
+TABLES_OF_POINTS = ["geoparquet", "gpkg", "flatgeobuf"]
+VECTOR = [*TABLES_OF_POINTS, "geojsonl", "mf-json"]
+
 
 def on_earth(name="walk", n=50, at=(48.2, 16.4), start=1.7e9, seed=0):
     rng = np.random.default_rng(seed)
@@ -55,7 +59,7 @@ def test_tracks_on_earth_come_back_from_every_format(format_):
 
 
 @pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("format_", ["csv", "parquet", "geojson"])
+@pytest.mark.parametrize("format_", ["csv", "parquet", "geojson", *VECTOR])
 def test_metres_come_back_exactly(format_, d):
     tracks = [
         in_metres("a b", d=d),
@@ -69,7 +73,7 @@ def test_metres_come_back_exactly(format_, d):
         assert one.positions.tolist() == other.positions.tolist()
 
 
-@pytest.mark.parametrize("format_", ["csv", "parquet", "geojson"])
+@pytest.mark.parametrize("format_", ["csv", "parquet", "geojson", *VECTOR])
 def test_tracks_of_one_row_keep_their_names(format_):
     """Elsewhere, a column with a value of its own in each row doesn't name tracks."""
     tracks = [Track(name, [time], [[0, 0]]) for time, name in enumerate(["", "0", "a", "b"])]
@@ -161,7 +165,7 @@ def test_many_rows_are_written_in_batches(monkeypatch):
     assert pq.ParquetFile(io.BytesIO(stream.getvalue())).num_row_groups == 3
 
 
-@pytest.mark.parametrize("format_", ["csv", "geojson", "parquet", "gpx"])
+@pytest.mark.parametrize("format_", ["csv", "geojson", "parquet", "gpx", *TABLES_OF_POINTS])
 def test_no_tracks_make_a_valid_empty_file(format_):
     stream = io.BytesIO()
     write_tracks([], stream, format_)
@@ -331,7 +335,7 @@ def test_lines_are_cut_at_the_antimeridian():
     ]
 
 
-@pytest.mark.parametrize("format_", ["csv", "geojson", "gpx", "parquet"])
+@pytest.mark.parametrize("format_", ["csv", "geojson", "gpx", "parquet", *VECTOR])
 def test_a_track_across_the_antimeridian_is_read_again_as_one(format_):
     stream = io.BytesIO()
     write_tracks([across_the_date_line()], stream, format_, max_deviation=0.02)
@@ -418,7 +422,7 @@ def test_control_characters_are_kept_where_the_format_can_hold_them():
     assert not any(map(has_unwritable_letters, TITLES))
 
 
-@pytest.mark.parametrize("format_", ["csv", "geojson", "gpx", "parquet"])
+@pytest.mark.parametrize("format_", ["csv", "geojson", "gpx", "parquet", *VECTOR])
 def test_half_a_surrogate_pair_is_refused(format_):
     with pytest.raises(OutputError, match="half a letter"):
         written([on_earth("caf\udcc3", 2)], format_)

@@ -46,6 +46,36 @@ PARQUET = LogFormat(
     is_binary=True,
 )
 
+# Parquet is read as GeoParquet wherever it has geometries; the name decides what is written.
+GEOPARQUET = replace(
+    PARQUET,
+    name="geoparquet",
+    suffixes=(".geoparquet",),
+    description="rows with points and times, or lines as shapes; in degrees, or by its CRS",
+    write=deferred("gpszip.io.logs.vector.geoparquet", "write_geoparquet"),
+)
+
+GPKG = LogFormat(
+    name="gpkg",
+    suffixes=(".gpkg",),
+    description="GeoPackage: a layer of points with times, or of lines, with times as their m",
+    sniff=deferred("gpszip.io.logs.vector.gdal", "sniff_gpkg"),
+    read=deferred("gpszip.io.logs.vector.gdal", "read_vector"),
+    read_batches=deferred("gpszip.io.logs.vector.gdal", "read_vector_batches"),
+    write=deferred("gpszip.io.logs.vector.gdal", "write_gpkg"),
+    is_binary=True,
+    extra="gis",
+)
+
+FLATGEOBUF = replace(
+    GPKG,
+    name="flatgeobuf",
+    suffixes=(".fgb",),
+    description="points with times, or lines, with times as their m",
+    sniff=deferred("gpszip.io.logs.vector.gdal", "sniff_flatgeobuf"),
+    write=deferred("gpszip.io.logs.vector.gdal", "write_flatgeobuf"),
+)
+
 GPX = LogFormat(
     name="gpx",
     suffixes=(".gpx",),
@@ -99,6 +129,23 @@ GEOJSON = LogFormat(
     sniff=deferred("gpszip.io.logs.geojson.read", "sniff_geojson"),
     read=deferred("gpszip.io.logs.geojson.read", "read_geojson"),
     write=deferred("gpszip.io.logs.geojson.write", "write_geojson"),
+)
+
+GEOJSONL = replace(
+    GEOJSON,
+    name="geojsonl",
+    suffixes=(".geojsonl", ".geojsons"),
+    description="GeoJSON with a feature on each line, or after each record separator (RFC 8142)",
+    write=deferred("gpszip.io.logs.geojson.write", "write_geojsonl"),
+)
+
+# Files of GeoJSON may hold moving features, so one reader takes both.
+MF_JSON = replace(
+    GEOJSON,
+    name="mf-json",
+    suffixes=(".mfjson",),
+    description="moving features (OGC): trajectories, prisms, and MovingPoints of MobilityDB",
+    write=deferred("gpszip.io.logs.geojson.write_moving", "write_mf_json"),
 )
 
 GOOGLE = LogFormat(
@@ -305,6 +352,9 @@ CSV = LogFormat(
 #: The formats of GPSZip, in the order in which they are asked.
 LOG_FORMATS: tuple[LogFormat, ...] = (
     PARQUET,
+    GEOPARQUET,
+    GPKG,
+    FLATGEOBUF,
     GPX,
     KML,
     KMZ,
@@ -313,6 +363,8 @@ LOG_FORMATS: tuple[LogFormat, ...] = (
     GOOGLE_PATHS,
     READSB,
     GEOJSON,
+    GEOJSONL,
+    MF_JSON,
     FIT,
     OWNTRACKS,
     IGC,

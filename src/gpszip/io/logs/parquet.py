@@ -1,4 +1,7 @@
-"""Logs as Parquet: files, also in folders that are keys of partitions (``vehicle=7``)."""
+"""Logs as Parquet: files, also in folders that are keys of partitions (``vehicle=7``).
+
+Positions are in columns of numbers, or in geometries (GeoParquet).
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import json
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -17,6 +21,7 @@ from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.logs.table_batches import TableBatch, interpret_batches
 from gpszip.io.logs.track_rows import TrackRows
 from gpszip.io.logs.track_table import track_tables
+from gpszip.io.logs.vector.geoparquet import open_geoparquet
 from gpszip.io.storage.source import Source
 from gpszip.io.tables.given_columns import find_requested_roles, rename_columns
 from gpszip.io.tables.roles import Roles
@@ -56,6 +61,11 @@ def read_parquet(source: Source, request: Request) -> RawLog:
     """
     try:
         dataset = _open_dataset(source)
+        geometries = open_geoparquet(
+            dataset.schema, partial(_tables, dataset), request, source.name
+        )
+        if geometries is not None:
+            return geometries.read(request)
         names = rename_columns(dataset.schema.names, request, source.name)
         roles = find_requested_roles(names, request, source.name)
         table = dataset.to_table(columns=_columns_used(dataset.schema, roles))
@@ -81,7 +91,8 @@ def read_parquet_batches(source: Source, request: Request) -> LogBatches | None:
     Returns
     -------
     LogBatches or None
-        None for a stream or a gzip file: the footer of Parquet has to be reached by seeking.
+        None for a stream or a gzip file: the footer of Parquet has to be reached by seeking. None
+        for rows that are lines, too.
 
     Raises
     ------
@@ -91,7 +102,18 @@ def read_parquet_batches(source: Source, request: Request) -> LogBatches | None:
     path = source.path
     if path is None or source.is_gzip:
         return None
-    schema = _open_dataset(source).schema
+    dataset = _open_dataset(source)
+    schema = dataset.schema
+    geometries = open_geoparquet(schema, partial(_tables, dataset), request, source.name)
+    if geometries is not None and geometries.points is None:
+        return None
+    if geometries is not None and geometries.points is not None:
+        points = geometries.points
+        return LogBatches(
+            points.logs(request),
+            CoordinateKind(points.reference.geographic, len(points.roles.axes)),
+            count_rows=lambda: _count_rows(path),
+        )
     names = rename_columns(schema.names, request, source.name)
     roles = find_requested_roles(names, request, source.name)
     return LogBatches(
@@ -117,15 +139,8 @@ class _ParquetReader:
     def read(self) -> Iterator[TableBatch]:
         """Yield all rows."""
         dataset = _open_dataset(self.source)
-        for batch in dataset.to_batches(
-            columns=_columns_used(dataset.schema, self.roles),
-            batch_size=_BATCH_ROWS,
-            batch_readahead=1,
-            fragment_readahead=1,
-            use_threads=False,
-        ):
-            batch.validate(full=True)  # finds texts that aren't UTF-8, for instance
-            yield TableBatch(pa.Table.from_batches([batch]))
+        for table in _tables(dataset, _columns_used(dataset.schema, self.roles)):
+            yield TableBatch(table)
 
     def read_as_text(self) -> Iterator[Any]:
         """Yield all rows as tables, with the types that the file has."""
@@ -168,6 +183,19 @@ def _open_dataset(source: Source) -> Any:
         partitioning=ds.partitioning(flavor="hive"),
         partition_base_dir=str(source.folder),
     )
+
+
+def _tables(dataset: Any, columns: list[str]) -> Iterator[Any]:
+    """Yield the rows of a dataset as tables, so that few are in memory."""
+    for batch in dataset.to_batches(
+        columns=columns,
+        batch_size=_BATCH_ROWS,
+        batch_readahead=1,
+        fragment_readahead=1,
+        use_threads=False,
+    ):
+        batch.validate(full=True)  # finds texts that aren't UTF-8, for instance
+        yield pa.Table.from_batches([batch])
 
 
 def _is_unicode(path: Path) -> bool:

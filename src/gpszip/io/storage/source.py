@@ -181,6 +181,9 @@ class _Stream:
 #: Stores a stream so that it can be read again.
 _Keep = Callable[[_Stream], Source]
 
+#: Suffixes of the files that make a folder one log.
+_PARQUET = (".parquet", ".geoparquet")
+
 #: Sources that users may give.
 _Items = Iterable[str | Path | BinaryIO | Source | InputError] | str | Path | BinaryIO
 
@@ -426,7 +429,7 @@ def _resolve_name(name: str) -> Iterator[Source | _Stream | InputError]:
         return
 
     # Else it is one log of Parquet files, maybe in partitions.
-    files = sorted(path.rglob("*.parquet"))
+    files = sorted(file for suffix in _PARQUET for file in path.rglob(f"*{suffix}"))
     yield from (Source(printable_name(str(file)), path=file, folder=path) for file in files)
     if not files:
         yield InputError("is a folder", path=shown, remedy=folder_remedy(path, shown))

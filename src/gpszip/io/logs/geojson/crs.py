@@ -12,11 +12,14 @@ __all__ = ["crs_problem"]
 #: Endings of names of WGS 84 in degrees: OGC's CRS84, EPSG's 4326 and, with heights, 4979.
 _WGS84 = {"crs84", "crs84h", "84", "4326", "4979", "wgs84", "wgs 84"}
 
+#: How to convert a file of GeoJSON.
+_CONVERT = "ogr2ogr -t_srs EPSG:4326 OUT.geojson FILE"
+
 #: Letters of a name that messages show.
 _MAX_SHOWN_LETTERS = 60
 
 
-def crs_problem(crs: Any) -> str:
+def crs_problem(crs: Any, *, remedy: str = _CONVERT) -> str:
     """Say what is wrong with the coordinate system that the member ``crs`` names.
 
     Positions in GeoJSON (RFC 7946) are longitudes and latitudes on WGS 84. Files of the older
@@ -26,6 +29,8 @@ def crs_problem(crs: Any) -> str:
     ----------
     crs : object
         The member; None if there is none.
+    remedy : str
+        How to bring coordinates to longitude and latitude.
 
     Returns
     -------
@@ -59,7 +64,4 @@ def crs_problem(crs: Any) -> str:
     if re.split("[:/]", str(name).strip().lower())[-1] in _WGS84:
         return ""
     shown = json.dumps(str(name)[:_MAX_SHOWN_LETTERS], ensure_ascii=False)[1:-1]
-    return (
-        f"its coordinates are in '{shown}'; bring them to longitude and latitude: "
-        "ogr2ogr -t_srs EPSG:4326 OUT.geojson FILE"
-    )
+    return f"its coordinates are in '{shown}'; bring them to longitude and latitude: {remedy}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -16,8 +16,10 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from gpszip.io.logs.geojson.attributes import find_attributes, find_moving_attributes
 from gpszip.io.logs.geojson.crs import crs_problem
 from gpszip.io.logs.geojson.json_columns import abbreviate, build_column
+from gpszip.io.logs.geojson.moving import find_moving, is_moving
 
 __all__ = [
     "BadPosition",
@@ -31,13 +33,23 @@ __all__ = [
 ]
 
 #: Properties of a line that hold the times of its positions, in order of preference.
-_TIMES = ("coordTimes", "times", "timestamps", "coordinateTimes", "time", "t")
+_TIMES = ("coordTimes", "times", "datetimes", "timestamps", "coordinateTimes", "time", "t")
 
 #: Names among these that may also hold something else than a list of times.
 _MAY_BE_OTHER = ("time", "t")
 
 #: Properties that hold the name of a track, in order of preference.
-_ID = ("track_id", "id", "trackid", "vehicle", "vehicle_id", "trip_id", "name")
+_ID = (
+    "track_id",
+    "id",
+    "trackid",
+    "traj_id",
+    "trajectory_id",
+    "vehicle",
+    "vehicle_id",
+    "trip_id",
+    "name",
+)
 
 _GEOMETRIES = (
     "Point",
@@ -54,6 +66,9 @@ _WIDTH = 4
 
 #: Column of the time in a table of positions.
 _TIME_COLUMN = 3
+
+#: What to do with moving features in another coordinate system.
+_TRANSFORM = "where it is written, such as transform(trip, 4326) of MobilityDB"
 
 #: Members of an object that messages show.
 _MAX_SHOWN_MEMBERS = 5
@@ -83,24 +98,27 @@ class BadPosition:
 
 @dataclass(frozen=True)
 class PropertyNames:
-    """The properties that hold times and names, in order of preference."""
+    """The properties that hold times and names, in order of preference, and those to keep."""
 
     times: tuple[str, ...] = _TIMES
     id: tuple[str, ...] = _ID
+    keep: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, columns: Any) -> PropertyNames:
+    def of(cls, columns: Any, keep: tuple[str, ...] = ()) -> PropertyNames:
         """Return the names that the user gives for the roles ``t`` and ``id``, else the defaults.
 
         Parameters
         ----------
         columns : mapping of str to str, tuple of str, or None
             As in :class:`gpszip.io.logs.raw.Request`.
+        keep : tuple of str
+            Attributes to keep.
         """
         roles = columns if isinstance(columns, Mapping) else {}
         times = (roles["t"],) if "t" in roles else _TIMES
         ids = (roles["id"],) if "id" in roles else _ID
-        return cls(times, ids)
+        return cls(times, ids, keep)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,12 +135,15 @@ class Line:
         Longitude, latitude, height and fourth number of each position; NaN if there is none.
     times : pyarrow.Array of length n, optional
         As the feature has them: numbers, texts or nulls; None for a line without times.
+    attributes : mapping of str to pyarrow.Array of length n
+        Properties to keep that have a value for each position.
     """
 
     feature: int
     name: str | None
     table: Floats
     times: Any
+    attributes: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,6 +224,8 @@ def read_feature(element: Any, number: int, names: PropertyNames) -> Feature:
     # 1. Its geometry and its properties
     if not isinstance(element, dict):
         raise FeatureError(f"is {abbreviate(element)}, not a feature")
+    if is_moving(element):
+        return _read_moving(element, number, names)
     geometry, properties = _find_members(element)
     if geometry is None:
         return Feature(others=("feature without a geometry",))
@@ -216,7 +239,8 @@ def read_feature(element: Any, number: int, names: PropertyNames) -> Feature:
     times = _find_times(properties, names.times, strict=not is_point)
     name = _find_name(element, properties, names.id)
     if is_point and times is not None and len(times) == 1:
-        return _build_lines([[geometry.get("coordinates")]], times, [], number, name)
+        kept = find_attributes(properties, names.keep, [1])
+        return _build_lines([[geometry.get("coordinates")]], times, [], number, name, kept)
     if is_point:
         return Feature(point=Point(geometry.get("coordinates"), properties))
 
@@ -233,7 +257,34 @@ def read_feature(element: Any, number: int, names: PropertyNames) -> Feature:
             others.append(kind)
     if not any(coordinates) and not others and not times:
         others.append("feature without a position")
-    return _build_lines(coordinates, times, others, number, name)
+    kept = find_attributes(properties, names.keep, [len(line) for line in coordinates])
+    return _build_lines(coordinates, times, others, number, name, kept)
+
+
+def _read_moving(element: Mapping[str, Any], number: int, names: PropertyNames) -> Feature:
+    """Read a feature of MF-JSON whose positions and times are in MovingPoint objects."""
+    # Its lines, which have to have times
+    found = find_moving(element)
+    for reference in found.references:
+        if problem := crs_problem(reference, remedy=_TRANSFORM):
+            raise FeatureError(problem)
+    coordinates = [_as_list(line, "MovingPoint") for line in found.coordinates]
+    if None in found.times:
+        raise FeatureError("its MovingPoint has no 'datetimes'")
+
+    if not any(coordinates) and not found.others:
+        return Feature(others=("feature without a position",))
+
+    # Its name, and attributes by their times
+    members = element.get("properties")
+    properties = members if isinstance(members, dict) else {}
+    lengths = [len(line) for line in coordinates]
+    kept = {
+        **find_attributes(properties, names.keep, lengths),
+        **find_moving_attributes(element.get("temporalProperties"), names.keep, found.times),
+    }
+    name = _find_name(element, properties, names.id)
+    return _build_lines(coordinates, found.times, found.others, number, name, kept)
 
 
 def position_table(positions: Sequence[Any]) -> Floats:
@@ -396,6 +447,7 @@ def _build_lines(
     others: list[str],
     number: int,
     name: str | None,
+    attributes: Mapping[str, list[list[Any]]],
 ) -> Feature:
     """Build the lines of a feature.
 
@@ -411,6 +463,8 @@ def _build_lines(
         Number of the feature.
     name : str, optional
         Name of the track.
+    attributes : mapping of str to list of list
+        Values for the positions of each line.
     """
     # Assign the times of the feature to its lines.
     line_times: Sequence[list[Any] | None] = [None] * len(coordinates)
@@ -438,8 +492,14 @@ def _build_lines(
         # Keep the times of the others.
         column = _times_column(positions, table, good, own_times)
         if good.any():
-            kept_times = None if column is None else column.filter(pa.array(good))
-            lines.append(Line(number, name, table[good], kept_times))
+            mask = pa.array(good)
+            kept_times = None if column is None else column.filter(mask)
+            kept = {
+                key: build_column(values[index]).filter(mask)
+                for key, values in attributes.items()
+                if len(values[index]) == len(positions)
+            }
+            lines.append(Line(number, name, table[good], kept_times, kept))
 
     # Single unreadable positions are counted, but a feature without any other can't be used.
     if first_bad is not None and not lines:

@@ -15,7 +15,7 @@ from gpszip.errors import OutputError
 from gpszip.io.logs.raw import HEIGHT_NAMES
 from gpszip.io.logs.track_rows import TrackRows, group_into_lines, round_decimals
 
-__all__ = ["METRES_MEMBER", "write_geojson"]
+__all__ = ["METRES_MEMBER", "to_json_list", "write_geojson", "write_geojsonl"]
 
 #: Member of a collection whose coordinates are metres on the log's own plane, as GeoJSON has no
 #: word for them.
@@ -81,6 +81,22 @@ def write_geojson(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
     sink.write(_EMPTY_COLLECTION if geographic is None else b"\n]}\n")
 
 
+def write_geojsonl(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
+    """Write the features of :func:`write_geojson`, one on each line, without a collection.
+
+    Parameters
+    ----------
+    tracks : iterable of TrackRows
+        As for :func:`write_geojson`. A feature in metres is marked by the member ``gpszip``.
+    sink : binary file
+        The file to write to.
+    """
+    for name, lines in group_into_lines(tracks):
+        member = {} if lines[0].geographic else METRES_MEMBER
+        for feature in _track_features(name, lines):
+            sink.write(json.dumps({**feature, **member}, ensure_ascii=False).encode() + b"\n")
+
+
 def _track_features(name: str, lines: Sequence[TrackRows]) -> Iterator[dict[str, Any]]:
     """Yield one feature for successive lines of a track, and one for each single position."""
     # Successive lines share a feature, so a single position between lines parts them in two.
@@ -127,13 +143,13 @@ def _line_columns(line: TrackRows) -> _LineColumns:
         heights = round_decimals(attributes.pop(height).astype(np.float64), _HEIGHT_DECIMALS)
         positions = np.column_stack([positions, heights])
 
-    properties = {name: _to_json_list(values) for name, values in attributes.items()}
+    properties = {name: to_json_list(values) for name, values in attributes.items()}
     if line.times is not None:
         properties["times"] = line.times.tolist()
     return _LineColumns(positions.tolist(), properties)
 
 
-def _to_json_list(values: NDArray[np.generic]) -> list[Any]:
+def to_json_list(values: NDArray[np.generic]) -> list[Any]:
     """Return values for JSON: null for numbers that are not finite, which JSON can't hold."""
     # Python's json.dumps would write NaN and Infinity, which other readers refuse.
     plain: list[Any] = values.tolist()

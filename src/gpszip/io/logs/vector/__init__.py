@@ -1,0 +1,1 @@
+"""Logs in vector formats: rows whose positions are geometries."""
