@@ -23,8 +23,10 @@ from gpszip.model.timestamps import Times
 from gpszip.run.executor import Executor
 
 if TYPE_CHECKING:
+    from gpszip.model.difference import Difference
     from gpszip.model.match import Matching
     from gpszip.model.patching import Patching
+    from gpszip.pipeline.diff import Side
     from gpszip.sketches.coreset import Coreset
 
 __all__ = [
@@ -34,6 +36,7 @@ __all__ = [
     "compress",
     "coreset",
     "decompress",
+    "diff",
     "join",
     "match",
     "merge",
@@ -547,6 +550,52 @@ def merge(
     return replace(merged, report=report)
 
 
+def diff(
+    first: Archive | Logs,
+    second: Archive | Logs,
+    *,
+    gap: float | None = None,
+    worst: int = 100,
+) -> Difference:
+    """Compare two archives or logs; tracks of one id are compared with each other.
+
+    A log against an archive is compared at the log's samples, two logs at the times of both. Two
+    archives are compared over all time, which is exact, as positions are linear between knots.
+
+    Parameters
+    ----------
+    first, second : Archive, path, stream, Track, or sequence of Track or path
+        Files are archives if they begin like one, else logs.
+    gap : float, optional
+        Intervals of logs longer than this, in seconds, are gaps, in which there is no position to
+        compare. Estimated by default.
+    worst : int, default 100
+        Number of places to return where the two are farthest apart.
+
+    Returns
+    -------
+    Difference
+        Distances in metres, of each track and of all, and what only one of them has.
+
+    Raises
+    ------
+    InputError, CorruptArchiveError
+        If a file can't be read.
+    OptionError
+        If one is in degrees and the other in metres, or they are far from each other.
+
+    Examples
+    --------
+    >>> lane = Track("lane", [0, 4, 8], [[0.0], [4.0], [8.0]])
+    >>> found = diff(compress(lane, max_error=0.1), lane)
+    >>> found.tracks[0].compared_at, found.total.maximum <= 0.1
+    ('samples', True)
+    """
+    from gpszip.pipeline.diff import diff as diff_sides
+
+    return diff_sides(_side_to_compare(first, gap), _side_to_compare(second, gap), worst=worst)
+
+
 def join(archives: Sequence[Archive | ArchiveSource]) -> Archive:
     """Join archives that lie on one grid, such as parts of one archive; nothing is learned anew.
 
@@ -809,6 +858,23 @@ def _as_names(sources: Iterable[LogSource]) -> list[str | BinaryIO]:
     """Return paths of any kind as text, and streams as they are."""
     # Readers take text, since a pattern or - is no path.
     return [os.fspath(each) if isinstance(each, os.PathLike) else each for each in sources]
+
+
+def _side_to_compare(source: Archive | Logs, gap: float | None) -> Side:
+    """An archive or a log as what is compared; files are opened or read."""
+    from gpszip.pipeline.diff import holds_archive, side_of_archive, side_of_log
+
+    # A file that begins like an archive.
+    if isinstance(source, str | os.PathLike) and pathlib.Path(source).is_file():
+        with pathlib.Path(source).open("rb") as file:
+            is_archive = holds_archive(file.read(8))
+        source = open_archive(source) if is_archive else source
+    if isinstance(source, Archive):
+        return side_of_archive(source)
+
+    # A log.
+    tracks = _read_if_paths(source)
+    return side_of_log([tracks] if isinstance(tracks, Track) else tuple(tracks), gap)
 
 
 def _files_among(tracks: Logs) -> list[LogSource] | None:

@@ -56,6 +56,7 @@ _COMMANDS = (
     "merge",
     "view",
     "info",
+    "diff",
     "verify",
     "recover",
     "warm",
