@@ -206,6 +206,7 @@ def compress(
     layer: str | None = None,
     effort: int = 5,
     coreset: int | None = None,
+    keep_within: Mapping[str, float] | None = None,
     map: Archive | ArchiveSource | None = None,
     memory: int | None = None,
     executor: Executor | None = None,
@@ -247,6 +248,9 @@ def compress(
     coreset : int, optional
         Learn from the weighted points of a coreset of this many blocks, for speed. The bound is
         measured at all samples.
+    keep_within : mapping of str to float, optional
+        Attributes to keep as curves over time, each within an error at every sample, such as
+        ``{"ele": 1.0}``: see :meth:`Archive.curve`.
     map : Archive, path or bytes, optional
         Store the tracks as walks on the map of this archive. The map is not stored again, and
         :func:`open` needs it, too. Lines off the map are in :attr:`Archive.off_map_lines`.
@@ -285,14 +289,28 @@ def compress(
     names = (keep,) if isinstance(keep, str) else tuple(keep)
     # By position, in the order of the fields of Options, which checks them.
     options = Options(
-        rmse, max_error, size, ratio, gap, k, m, times, names, keep_times, layer, effort, coreset
+        rmse,
+        max_error,
+        size,
+        ratio,
+        gap,
+        k,
+        m,
+        times,
+        names,
+        keep_times,
+        layer,
+        effort,
+        coreset,
+        tuple((keep_within or {}).items()),
     )
 
     # The map and the tracks may still be files.
     # Positions are read onto the plane of the map, so that both can be compared.
     known_map = map if map is None or isinstance(map, Archive) else open_archive(map)
     plane = None if known_map is None else known_map.grid.plane
-    with _open_log(tracks, memory, plane, names, times, progress, options.thesis) as log:
+    columns = (*names, *(keep_within or {}))
+    with _open_log(tracks, memory, plane, columns, times, progress, options.thesis) as log:
         archive, report = compress_tracks(
             log, options, memory=memory, map=known_map, executor=executor, progress=progress
         )

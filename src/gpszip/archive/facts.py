@@ -27,6 +27,10 @@ def file_facts(archive: Archive) -> dict[str, Any]:
         "time_step_s": step_size(grid.time),
         "layer": contents.layer,
         "kept": None if archive.kept_columns is None else list(archive.kept_columns),
+        "curves": [
+            {"name": name, "bound": bound, "bytes": size}
+            for name, (bound, size) in archive.curve_sizes.items()
+        ],
         "map": None if contents.map is None else contents.map.hash.hex(),
         **error_bound_facts(archive.error_bound),
         "sampling_s": archive.sampling,

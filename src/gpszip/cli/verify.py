@@ -28,6 +28,7 @@ def command(settings: Settings, archive: str, map_name: str | None) -> Outcome:
         source = open_archive_bytes(archive, data, map_name)
         knots = sum(len(walk.nodes) for walk in source.grid_walks.walks)
         tracks = len(source.ids)
+        source.check_curves()
 
     # Say what was found.
     if settings.json:

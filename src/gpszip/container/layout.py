@@ -93,6 +93,7 @@ class SectionKind(IntEnum):
     INDEX = 6  # where each group lies
     END = 7  # offset of the index, checksum of checksums
     ERROR_BOUND = 8  # error bound and sampling
+    CURVES = 9  # columns kept within an error
 
 
 @dataclass(frozen=True)
