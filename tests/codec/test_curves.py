@@ -6,14 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gpszip.archive.curves import encode_curves, read_curve_heads, read_curves
 from gpszip.codec import curves
-from gpszip.codec.curves import (
-    CurveColumn,
-    encode_curves,
-    fit_column,
-    read_curve_heads,
-    read_curves,
-)
+from gpszip.codec.curves import CurveColumn, fit_column
 from gpszip.errors import CorruptArchiveError, OptionError
 from oracle.curves import fewest_knots
 

@@ -544,7 +544,7 @@ class Archive:
         body = self._curve_section()
         if body is None:
             return {}
-        from gpszip.codec.curves import read_curve_heads
+        from gpszip.archive.curves import read_curve_heads
 
         return read_curve_heads(body)
 
@@ -879,7 +879,7 @@ class Archive:
 
     @cached_property
     def _curve_columns(self) -> Mapping[str, CurveColumn]:
-        from gpszip.codec.curves import read_curves
+        from gpszip.archive.curves import read_curves
 
         return read_curves(self._curve_section() or b"\0", len(self.ids))
 

@@ -473,7 +473,7 @@ def _curve_section(
     """Curves of the tracks that remain, with the knots about their time ranges."""
     if not archive.curve_sizes:
         return ()
-    from gpszip.codec.curves import encode_curves
+    from gpszip.archive.curves import encode_curves
 
     # Of each track, the knots from the last one before its travel to the first one after it.
     columns = {}

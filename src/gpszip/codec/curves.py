@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
@@ -21,17 +20,18 @@ from gpszip.codec.kernels.curves import (
     find_knots,
 )
 from gpszip.codec.kernels.range_coder import finish, new_decoder, new_encoder
-from gpszip.container.layout import Cursor, encode_signed, encode_varint
-from gpszip.errors import CorruptArchiveError, OptionError
+from gpszip.errors import OptionError
 
 __all__ = [
+    "MAX_FIRST",
+    "UNITS",
     "Curve",
     "CurveColumn",
-    "NamedCurves",
-    "encode_curves",
+    "decode_knots",
+    "encode_knots",
     "fit_column",
-    "read_curve_heads",
-    "read_curves",
+    "max_rows",
+    "times_of_knots",
 ]
 
 #: Values lie on a grid of this share of the bound: finer ones save knots and cost bits.
@@ -42,7 +42,7 @@ _STEP_SHARE = 0.5
 _SLACK_SHARES = (1e-9, 0.02)
 
 #: Units of time that are tried, a second divided by each.
-_UNITS = (1, 10, 100, 1000, 10_000, 100_000, 1_000_000)
+UNITS = (1, 10, 100, 1000, 10_000, 100_000, 1_000_000)
 
 #: Seconds by which a time may be off a unit: float64 seconds since 1970 are good to 2.4e-7 s.
 _UNIT_TOLERANCE = 1e-6
@@ -58,7 +58,7 @@ _SLICE_SAMPLES = 1 << 16
 _MAX_MAGNITUDE = 2.0**46
 
 #: Times themselves stay below this in their unit, where float64 counts them.
-_MAX_FIRST = 2.0**52
+MAX_FIRST = 2.0**52
 
 #: Initial count of each bit.
 _INITIAL_COUNT = 10
@@ -67,9 +67,6 @@ _INITIAL_COUNT = 10
 #: can't ask for memory.
 _FREE_KNOTS = 4096
 _KNOTS_PER_BYTE = 1024
-
-#: Bytes of bound and step.
-_FLOATS = struct.Struct("<dd")
 
 Floats = NDArray[np.float64]
 _Ints = NDArray[np.int64]
@@ -146,10 +143,6 @@ class CurveColumn:
         return Curve(times / self.unit, values * self.step, np.append(kinds[1:] != GOES_ON, True))
 
 
-#: Columns by their names.
-NamedCurves = Mapping[str, CurveColumn]
-
-
 def fit_column(
     times: Sequence[Floats], values: Sequence[NDArray[np.generic]], bound: float, name: str = ""
 ) -> CurveColumn:
@@ -187,13 +180,13 @@ def fit_column(
 
     # The coarsest unit of time that all times are on; finer ones where rounding breaks the bound.
     step = bound * _STEP_SHARE
-    for unit, slack in product(_UNITS[_coarsest_unit(times) :], _SLACK_SHARES):
+    for unit, slack in product(UNITS[_coarsest_unit(times) :], _SLACK_SHARES):
         knots = tuple(
             _fit(each, numbers, (1 - slack) * bound, step, unit)
             for each, numbers in zip(times, columns, strict=True)
         )
         column = CurveColumn(bound, step, unit, tuple(k for k in knots if k is not None))
-        if len(column.knots) < len(times) or np.ptp(_all_times(column)) >= _MAX_MAGNITUDE:
+        if len(column.knots) < len(times) or np.ptp(times_of_knots(column)) >= _MAX_MAGNITUDE:
             continue
         if _holds(column, times, columns):
             return column
@@ -201,74 +194,6 @@ def fit_column(
         f"column {name!r} changes too fast, or at times too close, for a bound of {bound:g}",
         remedy="keep it exactly",
     )
-
-
-def encode_curves(columns: NamedCurves) -> bytes:
-    """Encode the body of the section.
-
-    Examples
-    --------
-    >>> column = fit_column([np.arange(3.0)], [np.array([5.0, 5.0, 5.0])], 1.0)
-    >>> read_curves(encode_curves({"ele": column}), 1)["ele"].curve(0).at([1.5]).tolist()
-    [5.0]
-    """
-    out = [encode_varint(len(columns))]
-    for name, column in columns.items():
-        # The head.
-        text = name.encode()
-        payload, knots = _encode_knots(column)
-        out += [
-            encode_varint(len(text)),
-            text,
-            _FLOATS.pack(column.bound, column.step),
-            encode_varint(column.unit),
-            encode_signed(int(_all_times(column)[0])),
-            encode_varint(knots),
-            encode_varint(len(payload)),
-            payload,
-        ]
-    return b"".join(out)
-
-
-class _Head(NamedTuple):
-    """What stands before the knots of a column."""
-
-    bound: float
-    step: float
-    unit: int
-    first: int
-    knots: int
-    payload: bytes
-    offset: int
-
-
-def read_curve_heads(body: bytes) -> dict[str, tuple[float, int]]:
-    """Bound and bytes of each column, without decoding any.
-
-    Raises
-    ------
-    CorruptArchiveError
-        If the bytes are no curves.
-    """
-    return {name: (head.bound, len(head.payload)) for name, head in _read_heads(body).items()}
-
-
-def read_curves(body: bytes, tracks: int) -> dict[str, CurveColumn]:
-    """Undo :func:`encode_curves`.
-
-    Parameters
-    ----------
-    body : bytes
-        Untrusted; memory stays below 100 kB for each of its bytes, plus 1 MB for each column.
-    tracks : int
-        Number of tracks of the archive.
-
-    Raises
-    ------
-    CorruptArchiveError
-        If the bytes are no curves of so many tracks.
-    """
-    return {name: _read_column(head, tracks) for name, head in _read_heads(body).items()}
 
 
 def _as_numbers(values: NDArray[np.generic], name: str) -> Floats:
@@ -284,8 +209,8 @@ def _as_numbers(values: NDArray[np.generic], name: str) -> Floats:
 
 def _coarsest_unit(times: Sequence[Floats]) -> int:
     """Number of the coarsest unit on which all times lie; that of a millisecond where none is."""
-    milliseconds = _UNITS.index(1000)
-    for number, unit in enumerate(_UNITS[:milliseconds]):
+    milliseconds = UNITS.index(1000)
+    for number, unit in enumerate(UNITS[:milliseconds]):
         if all((np.abs(np.rint(t * unit) / unit - t) <= _UNIT_TOLERANCE).all() for t in times):
             return number
     return milliseconds
@@ -298,7 +223,7 @@ def _fit(times: Floats, values: Floats, bound: float, step: float, unit: int) ->
     if not len(present):
         return np.zeros((0, 3), np.int64)
     scaled = np.rint(times[present] * unit)
-    if np.abs(scaled).max() >= _MAX_FIRST or (np.diff(scaled) <= 0).any():
+    if np.abs(scaled).max() >= MAX_FIRST or (np.diff(scaled) <= 0).any():
         return None
     ticks = scaled.astype(np.int64)
 
@@ -354,16 +279,21 @@ def _holds(column: CurveColumn, times: Sequence[Floats], values: Sequence[Floats
     return True
 
 
-def _all_times(column: CurveColumn) -> _Ints:
+def times_of_knots(column: CurveColumn) -> _Ints:
     """Times of the knots of all tracks; a zero where there are none."""
     times = np.concatenate([np.zeros(0, np.int64), *(own[:, 1] for own in column.knots)])
     return times if len(times) else np.zeros(1, np.int64)
 
 
-def _encode_knots(column: CurveColumn) -> tuple[bytes, int]:
+def max_rows(size: int) -> int:
+    """Most rows that a payload of ``size`` bytes may have."""
+    return _FREE_KNOTS + _KNOTS_PER_BYTE * size
+
+
+def encode_knots(column: CurveColumn) -> tuple[bytes, int]:
     """Payload of a column, and number of its rows."""
     # A track without knots takes a row of its own.
-    first = _all_times(column)[0]
+    first = times_of_knots(column)[0]
     nothing = np.array([[-1, first, 0]], np.int64)
     rows = [own if len(own) else nothing for own in column.knots]
     table = np.concatenate([np.zeros((0, 3), np.int64), *rows])
@@ -381,7 +311,7 @@ def _encode_knots(column: CurveColumn) -> tuple[bytes, int]:
         capacity *= 2
 
     # Zeros up to the bytes that so many knots must have; a decoder reads zeros there anyway.
-    needed = -(-(len(table) - _FREE_KNOTS) // _KNOTS_PER_BYTE)
+    needed = -(-(len(table) - max_rows(0)) // _KNOTS_PER_BYTE)
     return payload + bytes(max(0, needed - len(payload))), len(table)
 
 
@@ -389,59 +319,41 @@ def _new_counts() -> NDArray[np.int32]:
     return np.full((CURVE_CONTEXTS, 2), _INITIAL_COUNT, np.int32)
 
 
-def _read_heads(body: bytes) -> dict[str, _Head]:
-    """What stands before the knots of each column."""
-    cursor = Cursor(body)
-    count = cursor.read_varint("the number of curves")
-    heads: dict[str, _Head] = {}
-    for _ in range(count):
-        # The name.
-        text = cursor.read_bytes(cursor.read_varint("a name's length"), "a name")
-        try:
-            name = text.decode()
-        except UnicodeDecodeError:
-            raise cursor.error("the name of a curve is not UTF-8") from None
-        if name in heads:
-            raise cursor.error("two curves of one name")
+def decode_knots(payload: bytes, rows: int, first: int, tracks: int) -> tuple[_Ints, ...] | None:
+    """Undo :func:`encode_knots`.
 
-        # The grid.
-        bound, step = _FLOATS.unpack(cursor.read_bytes(_FLOATS.size, "a bound"))
-        unit = cursor.read_varint("the unit of time")
-        first = cursor.read_signed("the first time")
-        knots = cursor.read_varint("the number of knots")
-        is_grid = 0 < bound < math.inf and 0 < step < math.inf and unit in _UNITS
-        if not is_grid or abs(first) >= _MAX_FIRST:
-            raise cursor.error(f"no curve has bound {bound:g}, step {step:g} and unit {unit}")
-        offset = cursor.offset
-        payload = cursor.read_bytes(cursor.read_varint("the length of a curve"), "a curve")
-        if knots > _FREE_KNOTS + _KNOTS_PER_BYTE * len(payload):
-            raise cursor.error(f"{knots} knots can't lie in {len(payload)} bytes")
-        heads[name] = _Head(bound, step, unit, first, knots, payload, offset)
-    cursor.expect_end("the curves")
-    return heads
+    Parameters
+    ----------
+    payload : bytes
+        Untrusted.
+    rows : int
+        Number of rows, at most :func:`max_rows`.
+    first : int
+        Time from which knots count.
+    tracks : int
+        Number of tracks.
 
-
-def _read_column(head: _Head, tracks: int) -> CurveColumn:
-    """Decode the knots of a column."""
-    error = CorruptArchiveError("the knots of a curve are damaged", head.offset)
-    if head.knots < tracks:
-        raise error
-    kinds, times, values = (np.zeros(head.knots, np.int64) for _ in range(3))
-    rows = code_knots(new_decoder(head.payload), kinds, times, values, _new_counts(), tracks)
-    if rows != head.knots:
-        raise error
+    Returns
+    -------
+    tuple of int64 array, shape (k, 3)
+        The knots of each track; None where the bytes are none.
+    """
+    # Each track takes a row at least.
+    if rows < tracks:
+        return None
+    kinds, times, values = (np.zeros(rows, np.int64) for _ in range(3))
+    if code_knots(new_decoder(payload), kinds, times, values, _new_counts(), tracks) != rows:
+        return None
     # Sums of forged steps may leave the range, or wrap round.
     largest = max(np.abs(axis.astype(np.float64)).max(initial=0) for axis in (times, values))
     if largest >= 2 * _MAX_MAGNITUDE:
-        raise error
-    times += head.first
+        return None
+    times += first
 
     # Cut before each track.
     table = np.stack([kinds, times, values], axis=1)
     begins = np.flatnonzero((kinds == BEGINS_TRACK) | (kinds < 0))
     own = np.split(table, begins[1:]) if tracks else []
-    late = [np.diff(each[:, 1]) for each in own]
-    if any((steps <= 0).any() for steps in late):
-        raise error
-    knots = tuple(each if each[0, 0] >= 0 else each[:0] for each in own)
-    return CurveColumn(head.bound, head.step, head.unit, knots)
+    if any((np.diff(each[:, 1]) <= 0).any() for each in own):
+        return None
+    return tuple(each if each[0, 0] >= 0 else each[:0] for each in own)

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from gpszip.archive import Archive
-from gpszip.codec.curves import encode_curves, fit_column
+from gpszip.archive.curves import encode_curves
+from gpszip.codec.curves import fit_column
 from gpszip.container.contents import Section
 from gpszip.container.layout import SectionKind
 from gpszip.errors import OptionError
