@@ -27,6 +27,13 @@ _STARTS = _VALUES + 3 * _CLASSES * INTEGER_CONTEXTS
 CURVE_CONTEXTS = _STARTS + 5 * INTEGER_CONTEXTS
 
 
+@inner_uncounted
+def _from_middle(first: int, last: int, turn: int) -> int:
+    """Number that comes at a turn, from the middle of a range outwards: curves lean to no side."""
+    away = (turn + 1) // 2
+    return (first + last) // 2 + (away if turn % 2 else -away)
+
+
 @jit_uncounted
 def find_knots(
     times: NDArray[np.int64],
@@ -77,13 +84,14 @@ def find_knots(
         for k in range(width):
             parents[i, k] = -2
     filled, first = 0, 0
-    for k in range(width):
-        if lowest[0] + k <= values[0] + bound:
-            parents[0, k] = -1
-            queue[filled] = k
-            filled += 1
-            if n == 1:
-                return k
+    highest = min(np.int64(np.floor(values[0] + bound)) - lowest[0], width - 1)
+    for turn in range(highest + 1):
+        k = _from_middle(0, highest, turn)
+        parents[0, k] = -1
+        queue[filled] = k
+        filled += 1
+        if n == 1:
+            return k
 
     # Follow the cone of each state, in the order in which they were reached.
     while first < filled:
@@ -101,8 +109,8 @@ def find_knots(
             # States that are reached for the first time.
             begin = max(np.int64(np.ceil(u + low * duration)), lowest[j])
             end = min(np.int64(np.floor(u + high * duration)), lowest[j] + width - 1)
-            for v in range(begin, end + 1):
-                k = v - lowest[j]
+            for turn in range(end - begin + 1):
+                k = _from_middle(begin, end, turn) - lowest[j]
                 if parents[j, k] == -2:
                     parents[j, k] = state
                     if j == n - 1:
