@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         compress,
         coreset,
         decompress,
+        diff,
         join,
         match,
         merge,
@@ -65,6 +66,7 @@ if TYPE_CHECKING:
         Track,
         Walk,
     )
+    from gpszip.model.difference import Difference, Distances, FarPlace, TrackDifference
     from gpszip.model.error_bound import ErrorBound
     from gpszip.model.match import Break, Match, Matching, Piece, Route, Scales
     from gpszip.model.merge_report import Deviation, MergeReport
@@ -91,9 +93,12 @@ __all__ = [
     "Cost",
     "Dask",
     "Deviation",
+    "Difference",
     "DirectedEdges",
+    "Distances",
     "ErrorBound",
     "Executor",
+    "FarPlace",
     "FinalisedPosition",
     "GPSZipError",
     "InputError",
@@ -131,6 +136,7 @@ __all__ = [
     "SharedValue",
     "Threads",
     "Track",
+    "TrackDifference",
     "TrackError",
     "TrackView",
     "UnknownFormatError",
@@ -143,6 +149,7 @@ __all__ = [
     "compress",
     "coreset",
     "decompress",
+    "diff",
     "join",
     "match",
     "merge",
@@ -165,6 +172,7 @@ _HOMES = {
         "compress",
         "coreset",
         "decompress",
+        "diff",
         "join",
         "match",
         "merge",
@@ -218,6 +226,12 @@ _HOMES = {
         "SegmentMean",
         "Track",
         "Walk",
+    ),
+    "gpszip.model.difference": (
+        "Difference",
+        "Distances",
+        "FarPlace",
+        "TrackDifference",
     ),
     "gpszip.model.error_bound": ("ErrorBound",),
     "gpszip.model.match": (

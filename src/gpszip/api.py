@@ -29,8 +29,10 @@ from gpszip.run.executor import Executor
 if TYPE_CHECKING:
     from gpszip.container.contents import Section
     from gpszip.io.frames.source import FrameSource
+    from gpszip.model.difference import Difference
     from gpszip.model.match import Matching
     from gpszip.model.patching import Patching
+    from gpszip.pipeline.diff import Side
     from gpszip.sketches.coreset import Coreset
 
 __all__ = [
@@ -40,6 +42,7 @@ __all__ = [
     "compress",
     "coreset",
     "decompress",
+    "diff",
     "join",
     "match",
     "merge",
@@ -226,6 +229,7 @@ def compress(
     layer: str | None = None,
     effort: int = 5,
     coreset: int | None = None,
+    keep_within: Mapping[str, float] | None = None,
     map: Archive | ArchiveSource | None = None,
     memory: int | None = None,
     executor: Executor | None = None,
@@ -269,6 +273,9 @@ def compress(
     coreset : int, optional
         Learn from the weighted points of a coreset of this many blocks, for speed. The bound is
         measured at all samples.
+    keep_within : mapping of str to float, optional
+        Attributes to keep as curves over time, each within an error at every sample, such as
+        ``{"ele": 1.0}``: see :meth:`Archive.curve`.
     map : Archive, path or bytes, optional
         Store the tracks as walks on the map of this archive. The map is not stored again, and
         :func:`open` needs it, too. Lines off the map are in :attr:`Archive.off_map_lines`.
@@ -307,7 +314,20 @@ def compress(
     names = (keep,) if isinstance(keep, str) else tuple(keep)
     # By position, in the order of the fields of Options, which checks them.
     options = Options(
-        rmse, max_error, size, ratio, gap, k, m, times, names, keep_times, layer, effort, coreset
+        rmse,
+        max_error,
+        size,
+        ratio,
+        gap,
+        k,
+        m,
+        times,
+        names,
+        keep_times,
+        layer,
+        effort,
+        coreset,
+        tuple((keep_within or {}).items()),
     )
 
     # The map and the tracks may still be files.
@@ -315,7 +335,8 @@ def compress(
     known_map = map if map is None or isinstance(map, Archive) else open_archive(map)
     plane = None if known_map is None else known_map.grid.plane
     extras = _exact_sections(tracks) if lossless else ()
-    with _open_log(tracks, memory, plane, names, times, progress, options.thesis) as log:
+    columns = (*names, *(keep_within or {}))
+    with _open_log(tracks, memory, plane, columns, times, progress, options.thesis) as log:
         archive, report = compress_tracks(
             log,
             options,
@@ -577,6 +598,52 @@ def merge(
         opened, options, names=names, executor=executor, progress=progress
     )
     return replace(merged, report=report)
+
+
+def diff(
+    first: Archive | Logs,
+    second: Archive | Logs,
+    *,
+    gap: float | None = None,
+    worst: int = 100,
+) -> Difference:
+    """Compare two archives or logs; tracks of one id are compared with each other.
+
+    A log against an archive is compared at the log's samples, two logs at the times of both. Two
+    archives are compared over all time, which is exact, as positions are linear between knots.
+
+    Parameters
+    ----------
+    first, second : Archive, path, stream, Track, or sequence of Track or path
+        Files are archives if they begin like one, else logs.
+    gap : float, optional
+        Intervals of logs longer than this, in seconds, are gaps, in which there is no position to
+        compare. Estimated by default.
+    worst : int, default 100
+        Number of places to return where the two are farthest apart.
+
+    Returns
+    -------
+    Difference
+        Distances in metres, of each track and of all, and what only one of them has.
+
+    Raises
+    ------
+    InputError, CorruptArchiveError
+        If a file can't be read.
+    OptionError
+        If one is in degrees and the other in metres, or they are far from each other.
+
+    Examples
+    --------
+    >>> lane = Track("lane", [0, 4, 8], [[0.0], [4.0], [8.0]])
+    >>> found = diff(compress(lane, max_error=0.1), lane)
+    >>> found.tracks[0].compared_at, found.total.maximum <= 0.1
+    ('samples', True)
+    """
+    from gpszip.pipeline.diff import diff as diff_sides
+
+    return diff_sides(_side_to_compare(first, gap), _side_to_compare(second, gap), worst=worst)
 
 
 def join(archives: Sequence[Archive | ArchiveSource]) -> Archive:
@@ -852,6 +919,23 @@ def _as_names(sources: Iterable[LogSource]) -> list[str | BinaryIO | FrameSource
         else cast("str | BinaryIO", each)
         for each in listed
     ]
+
+
+def _side_to_compare(source: Archive | Logs, gap: float | None) -> Side:
+    """An archive or a log as what is compared; files are opened or read."""
+    from gpszip.pipeline.diff import holds_archive, side_of_archive, side_of_log
+
+    # A file that begins like an archive.
+    if isinstance(source, str | os.PathLike) and pathlib.Path(source).is_file():
+        with pathlib.Path(source).open("rb") as file:
+            is_archive = holds_archive(file.read(8))
+        source = open_archive(source) if is_archive else source
+    if isinstance(source, Archive):
+        return side_of_archive(source)
+
+    # A log.
+    tracks = _read_if_paths(source)
+    return side_of_log([tracks] if isinstance(tracks, Track) else tuple(tracks), gap)
 
 
 def _files_among(tracks: Logs) -> list[LogSource] | None:

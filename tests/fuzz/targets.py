@@ -131,6 +131,7 @@ def _archive(data: bytes) -> object:
     archive.sample(at=[0.0, 10.0])
     if archive.kept_columns is not None:
         archive.samples()
+    archive.check_curves()
     return archive.road_map, archive.error_bound, archive.sampling
 
 

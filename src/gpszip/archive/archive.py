@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,7 @@ from gpszip.archive.track_view import TrackView
 from gpszip.container.attributes import KeptColumns
 from gpszip.container.catalog import group_heads, stored_size
 from gpszip.container.contents import Contents, MapReference
+from gpszip.container.layout import SectionKind
 from gpszip.container.map_record import map_hash
 from gpszip.container.writer import archive_size, save, to_bytes
 from gpszip.errors import CorruptArchiveError, MapError, OptionError, UnknownTrackError
@@ -45,6 +46,7 @@ from gpszip.model.track import Track
 from gpszip.model.walk import Walk, cut_at_gaps
 
 if TYPE_CHECKING:
+    from gpszip.codec.curves import CurveColumn
     from gpszip.codec.prior import Prior
     from gpszip.codec.waypoints import Waypoints
     from gpszip.graph.road_graph import RoadGraph
@@ -363,13 +365,16 @@ class Archive(ArchiveFrames):
         plane = self.grid.plane
         if track is not None:
             walk, positions = self._knots(track)
-            return build_pieces(walk, positions, self._named_pieces(walk), plane)
+            pieces = build_pieces(walk, positions, self._named_pieces(walk), plane)
+            return self.with_curves(track, pieces)
 
         nodes = self.road_map.nodes
         return [
             piece
             for walk in self.walks
-            for piece in build_pieces(walk, nodes, self._pieces[walk.id], plane)
+            for piece in self.with_curves(
+                walk.id, build_pieces(walk, nodes, self._pieces[walk.id], plane)
+            )
         ]
 
     @property
@@ -577,6 +582,77 @@ class Archive(ArchiveFrames):
             If the archive was written without the times of samples.
         """
         return [self._track_at_samples(name) for name in (self.ids if track is None else (track,))]
+
+    @cached_property
+    def curve_sizes(self) -> Mapping[str, tuple[float, int]]:
+        """Columns that are kept within an error: their bounds, and the bytes that they take."""
+        body = self._curve_section()
+        if body is None:
+            return {}
+        from gpszip.archive.curves import read_curve_heads
+
+        return read_curve_heads(body)
+
+    def check_curves(self) -> None:
+        """Decode the columns that are kept within an error.
+
+        Raises
+        ------
+        CorruptArchiveError
+            If they are damaged.
+        """
+        if self.curve_sizes:
+            _ = self._curve_columns
+
+    def curve(self, track: str, column: str, when: Times) -> NDArray[np.float64]:
+        """Values of a column that is kept within an error, at any times.
+
+        Parameters
+        ----------
+        track, column : str
+            Names of the track and of the column.
+        when : array_like of any shape
+            As for :meth:`position`.
+
+        Returns
+        -------
+        float64 array, shape (...)
+            Within the column's bound at every sample, linear between knots. NaN before and after
+            the track and in holes, where the log had no values.
+
+        Raises
+        ------
+        UnknownTrackError
+            If there is no such track.
+        OptionError
+            If there is no such column.
+        """
+        number = self._track_number(track)
+        if column not in self.curve_sizes:
+            names = ", ".join(self.curve_sizes) or "none"
+            raise OptionError(
+                f"no column {column!r} is kept within an error", remedy=f"there is {names}"
+            )
+        return self._curve_columns[column].curve(number).at(to_seconds(when, name="when"))
+
+    def with_curves(self, track: str, pieces: Sequence[Track]) -> list[Track]:
+        """Pieces of a track with the values of its curves at their times, as attributes.
+
+        Parameters
+        ----------
+        track : str
+            Name of the track.
+        pieces : sequence of Track
+            Those without times stay as they are.
+        """
+        if not self.curve_sizes:
+            return list(pieces)
+        return [
+            replace(piece, attributes={**piece.attributes, **self._curve_values(track, piece)})
+            if piece.timed
+            else piece
+            for piece in pieces
+        ]
 
     # The file.
 
@@ -824,7 +900,7 @@ class Archive(ArchiveFrames):
             if known.any():
                 track = Track(name, inside[known], positions[known], plane=self.grid.plane)
                 sampled.append(track)
-        return sampled
+        return self.with_curves(walk.id, sampled)
 
     @cached_property
     def _pieces(self) -> dict[str, list[tuple[str, slice]]]:
@@ -839,6 +915,25 @@ class Archive(ArchiveFrames):
         return list(zip(names, knots, strict=True))
 
     # Kept columns.
+
+    def _curve_section(self) -> bytes | None:
+        bodies = [each.body for each in self.contents.extras if each.kind == SectionKind.CURVES]
+        if len(bodies) > 1:
+            raise CorruptArchiveError("there are two sections of curves")
+        return bytes(bodies[0]) if bodies else None
+
+    @cached_property
+    def _curve_columns(self) -> Mapping[str, CurveColumn]:
+        from gpszip.archive.curves import read_curves
+
+        return read_curves(self._curve_section() or b"\0", len(self.ids))
+
+    def _curve_values(self, owner: str, piece: Track) -> dict[str, NDArray[np.float64]]:
+        number = self._track_number(owner)
+        return {
+            name: column.curve(number).at(piece.times)
+            for name, column in self._curve_columns.items()
+        }
 
     @cached_property
     def _kept_samples(self) -> KeptColumns:
@@ -855,9 +950,10 @@ class Archive(ArchiveFrames):
         positions = self._positions(name, times)
         if not len(times) or np.isnan(positions).any():
             raise CorruptArchiveError(f"kept times of track {name!r} lie where it claims no travel")
-        return Track(
+        track = Track(
             name, times, positions, attributes=self.attributes(name), plane=self.grid.plane
         )
+        return self.with_curves(name, [track])[0]
 
 
 def _off_map_lines(

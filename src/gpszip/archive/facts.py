@@ -28,6 +28,10 @@ def file_facts(archive: Archive) -> dict[str, Any]:
         "layer": contents.layer,
         "kept": None if archive.kept_columns is None else list(archive.kept_columns),
         "exact_logs": list(archive.exact_names),
+        "curves": [
+            {"name": name, "bound": bound, "bytes": size}
+            for name, (bound, size) in archive.curve_sizes.items()
+        ],
         "map": None if contents.map is None else contents.map.hash.hex(),
         **error_bound_facts(archive.error_bound),
         "sampling_s": archive.sampling,

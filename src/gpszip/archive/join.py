@@ -140,6 +140,12 @@ def _check_together(archives: Sequence[Archive], names: Sequence[str]) -> None:
             )
         if archive.timed != first.timed:
             raise OptionError("of two archives, only one has times", location=where, remedy=_REMEDY)
+        if archive.curve_sizes or first.curve_sizes:
+            raise OptionError(
+                "columns kept within an error can't be joined",
+                location=where,
+                remedy="compress the logs together, or keep the columns exactly",
+            )
         if archive.kept_columns != first.kept_columns:
             raise OptionError(
                 "keeps other columns than the first one", location=where, remedy=_REMEDY

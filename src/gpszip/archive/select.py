@@ -23,6 +23,7 @@ from gpszip.codec.end_kinds import MAX_QUOTIENT
 from gpszip.container.attributes import KeptColumns, encode_attributes
 from gpszip.container.catalog import group_heads
 from gpszip.container.contents import Section
+from gpszip.container.layout import SectionKind
 from gpszip.errors import OptionError
 from gpszip.lossless.kept import smaller_section
 from gpszip.model.error_bound import ErrorBound, rounded_bound
@@ -138,7 +139,10 @@ def select(archive: Archive, selection: Selection) -> Archive:
         ids,
         number_on_known_map(archive, grid_walks),
         layer=archive.contents.layer,
-        extras=_kept_section(archive, ids, time_ranges),
+        extras=(
+            *_kept_section(archive, ids, time_ranges),
+            *_curve_section(archive, ids, time_ranges),
+        ),
         known_map=None if reference is None else archive.map,
         refinements=0 if reference is None else reference.refinements,
         time_ranges=time_ranges if archive.timed else None,
@@ -210,7 +214,9 @@ def _build_selected(
     pieces = [
         piece
         for walk in walks
-        for piece in build_pieces(walk, selected.nodes, named[walk.id], archive.grid.plane)
+        for piece in archive.with_curves(
+            walk.id, build_pieces(walk, selected.nodes, named[walk.id], archive.grid.plane)
+        )
     ]
     return pieces, {name: track for track, own in named.items() for name, _ in own}
 
@@ -460,6 +466,37 @@ def _kept_section(
     columns = {name: values[chosen] for name, values in kept.columns.items()}
     body = encode_attributes(KeptColumns(tuple(counts), kept.times[chosen], columns))
     return (Section(*smaller_section(body, len(ids))),)
+
+
+def _curve_section(
+    archive: Archive, ids: Sequence[str], time_ranges: Sequence[Floats]
+) -> tuple[Section, ...]:
+    """Curves of the tracks that remain, with the knots about their time ranges."""
+    if not archive.curve_sizes:
+        return ()
+    from gpszip.archive.curves import encode_curves
+
+    # Of each track, the knots from the last one before its travel to the first one after it.
+    columns = {}
+    for name, column in archive._curve_columns.items():
+        knots = []
+        for track, ranges in zip(ids, time_ranges, strict=True):
+            own = column.knots[archive._track_number(track)]
+            seconds = own[:, 1] / column.unit
+            first = int(np.searchsorted(seconds, ranges.min(initial=np.inf), side="right")) - 1
+            after = int(np.searchsorted(seconds, ranges.max(initial=-np.inf))) + 1
+            knots.append(_begin_track(own[max(first, 0) : after]))
+        columns[name] = replace(column, knots=tuple(knots))
+    return (Section(SectionKind.CURVES, encode_curves(columns)),)
+
+
+def _begin_track(knots: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The knots, the first of which begins a track."""
+    from gpszip.codec.kernels.curves import BEGINS_TRACK
+
+    begun = knots.copy()
+    begun[:1, 0] = BEGINS_TRACK
+    return begun
 
 
 def _bound_of_part(bound: ErrorBound | None, moved: float) -> ErrorBound | None:

@@ -92,7 +92,7 @@ def _points(
             if every is None:
                 yield piece
             elif piece.timed:
-                yield from _sample(piece, every)
+                yield from archive.with_curves(own[piece.id], list(_sample(piece, every)))
 
 
 def _sample(piece: Track, every: float) -> Iterator[Track]:

@@ -43,6 +43,9 @@ __all__ = ["command"]
 #: Durations in seconds; infinite for "none".
 _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 
+#: Characters with which a number begins.
+_DIGITS = tuple("0123456789.")
+
 #: Fields of Options that bound the archive, and their options on the command line.
 _BOUND_OPTIONS = {
     "rmse": "--rmse",
@@ -168,7 +171,8 @@ _BOUND_OPTIONS = {
 @click.option(
     "--keep",
     metavar="COLUMNS",
-    help="Further columns to keep exactly, such as ele,speed, with the times of the points.",
+    help="Further columns to keep: exactly, with the times of the points, such as cad,hr; or "
+    "within an error, such as ele:1m,hr:2.",
 )
 @click.option("--keep-times", is_flag=True, help="Keep the times of the points exactly.")
 @click.option(
@@ -420,7 +424,7 @@ def _open_log(
         sort=choices["sort"],
         split=choices["split"],
         skip_bad=choices["skip_bad"],
-        keep=_kept_columns(choices),
+        keep=_columns_to_read(choices),
         times=choices["times"],
         selection=selection,
         topics=choices["topics"],
@@ -489,7 +493,7 @@ def _map_options(options: Options) -> Options:
     """Return options for the updated map: no limit of size, no columns, no exact times."""
     # A size was asked for the walks. The map grows with each log, and needs no columns of their
     # samples.
-    return replace(options, size=None, ratio=None, keep=(), keep_times=False)
+    return replace(options, size=None, ratio=None, keep=(), keep_times=False, curves=())
 
 
 def _compress_options(choices: dict[str, Any]) -> Options:
@@ -504,11 +508,45 @@ def _compress_options(choices: dict[str, Any]) -> Options:
     names = (*_BOUND_OPTIONS, "gap", "effort", "coreset", "k", "m", "times", "layer", "keep_times")
     size = None if choices["size"] is None else int(choices["size"])
     return Options(
-        **{name: choices[name] for name in names} | {"size": size, "keep": _kept_columns(choices)}
+        **{name: choices[name] for name in names}
+        | {"size": size, "keep": _kept_columns(choices), "curves": _kept_curves(choices)}
     )
 
 
 def _kept_columns(choices: dict[str, Any]) -> tuple[str, ...]:
-    # Drop empty and repeated names, in the order of the first mention.
+    """Return the names of columns that are kept exactly."""
+    return tuple(name for name, bound in _keep_items(choices) if bound is None)
+
+
+def _kept_curves(choices: dict[str, Any]) -> tuple[tuple[str, float], ...]:
+    """Return the names and bounds of columns that are kept within an error."""
+    return tuple((name, bound) for name, bound in _keep_items(choices) if bound is not None)
+
+
+def _columns_to_read(choices: dict[str, Any]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(name for name, _ in _keep_items(choices)))
+
+
+def _keep_items(choices: dict[str, Any]) -> list[tuple[str, float | None]]:
+    """Return the columns of --keep with their bounds, in the order of the first mention."""
+    # Drop empty and repeated names.
     names = (name.strip() for name in (choices["keep"] or "").split(","))
-    return tuple(dict.fromkeys(name for name in names if name))
+    return [_parse_keep(name) for name in dict.fromkeys(names) if name]
+
+
+def _parse_keep(text: str) -> tuple[str, float | None]:
+    """Split a column and its bound; a length is in metres, any other number as the column has it.
+
+    Examples
+    --------
+    >>> _parse_keep("ele:3ft"), _parse_keep("hr:2"), _parse_keep("tag:red")
+    (('ele', 0.9144000000000001), ('hr', 2.0), ('tag:red', None))
+    """
+    # A colon may be part of a name, unless a number follows.
+    name, colon, bound = text.rpartition(":")
+    if not (colon and name.strip() and bound.strip()[:1] in _DIGITS):
+        return text, None
+    try:
+        return name.strip(), LENGTH.parse(bound.strip())
+    except ValueError as error:
+        raise click.UsageError(f"--keep {text}: {error}") from None

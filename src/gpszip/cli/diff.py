@@ -1,35 +1,199 @@
-"""gpszip diff: compare logs with what an archive keeps of them."""
+"""gpszip diff: compare an archive or a log with another one."""
 
 from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gpszip.cli.completing import complete_files
-from gpszip.cli.options import Settings, archive_argument, common_options
+from gpszip.cli.format_lists import CommandWithFormats
+from gpszip.cli.options import (
+    Settings,
+    common_options,
+    force,
+    map_option,
+    robot_options,
+    time_options,
+    time_order_options,
+)
 from gpszip.cli.outcome import Outcome
+from gpszip.cli.selecting import pop_selection, select_from, selection_options
+from gpszip.cli.units import DURATION, Quantity, format_duration
+
+if TYPE_CHECKING:
+    from gpszip.model import ReadResult
+    from gpszip.model.difference import Difference, Distances, TrackDifference
+    from gpszip.model.selection import Selection
+    from gpszip.pipeline.diff import Side
 
 __all__ = ["command"]
 
+#: Bytes by which an archive is known.
+_HEAD_BYTES = 8
 
-@click.command("diff", short_help="Compare logs with what an archive keeps of them.")
-@archive_argument
-@click.argument("logs", metavar="LOG...", nargs=-1, required=True, shell_complete=complete_files())
-@click.option(
-    "--exact", is_flag=True, help="Compare every byte, with an archive made by compress --lossless."
+#: Names of tracks that a line lists.
+_MAX_NAMED = 5
+
+#: Heads of the columns of the table.
+_HEADS = (
+    "track",
+    "compared",
+    "mean",
+    "RMSE",
+    "95 %",
+    "maximum",
+    "Hausdorff",
+    "Fréchet",
+    "discrete",
+    "length",
+    "duration",
 )
+
+#: Metres from which lengths are in kilometres.
+_MIN_KILOMETRES = 100_000
+
+#: Metres from which it is said how far distances of lines may be off.
+_MIN_WITHIN = 1e-3
+
+#: Durations in seconds; infinite for "none".
+_GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
+
+
+@click.command(
+    "diff", cls=CommandWithFormats, short_help="Compare an archive or a log with another one."
+)
+@click.argument("first", metavar="A", shell_complete=complete_files())
+@click.argument("others", metavar="B...", nargs=-1, required=True, shell_complete=complete_files())
+@click.option(
+    "--exact",
+    is_flag=True,
+    help="Compare every byte of the logs B with what compress --lossless kept of them in A.",
+)
+@click.option(
+    "-o",
+    "--output",
+    "target",
+    metavar="WORST.geojson",
+    help="Write the places where A and B are farthest apart; - is standard output.",
+    shell_complete=complete_files(),
+)
+@click.option(
+    "--worst",
+    type=click.IntRange(1),
+    default=100,
+    show_default=True,
+    metavar="N",
+    help="Number of places to write.",
+)
+@click.option(
+    "--gap",
+    type=_GAP,
+    metavar="DURATION",
+    help="Intervals between points of logs longer than this are gaps; none: no gaps. By default "
+    "estimated.",
+)
+@map_option
+@click.option("--clean", is_flag=True, help="Drop outliers of logs, as compress does.")
+@time_order_options
+@click.option(
+    "--skip-bad",
+    is_flag=True,
+    help="Leave out logs, features and points that can't be read, name them, end with exit code 3.",
+)
+@click.option(
+    "--columns",
+    metavar="ROLES",
+    help="Which column of logs is what: t=when,x=east,y=north.",
+)
+@time_options
+@selection_options
+@robot_options
+@click.option(
+    "--format",
+    metavar="FORMAT",
+    help="Format of the logs: LOG_FORMATS; by default found from the content.",
+)
+@force
 @common_options
 @click.pass_obj
-def command(settings: Settings, archive: str, logs: tuple[str, ...], exact: bool) -> Outcome:
-    """Compare every LOG with ARCHIVE; exit code 1 and the first line that differs if one does."""
+def command(
+    settings: Settings,
+    /,
+    first: str,
+    others: tuple[str, ...],
+    exact: bool,
+    target: str | None,
+    worst: int,
+    gap: float | None,
+    map_name: str | None,
+    force: bool,
+    **reading: Any,
+) -> Outcome:
+    """Compare A with B, each an archive or a log; tracks of one id are compared.
+
+    A log against an archive is compared at the log's samples, two logs at the times of both, two
+    archives over all time. Distances are those of both positions at one time; Hausdorff and
+    Fréchet distances are those of the lines. With --exact, exit code 1 and the first line that
+    differs say that a log is not what the archive A keeps.
+    """
+    from gpszip.cli.output import check_output, print_json, print_status
+    from gpszip.errors import OptionError
+    from gpszip.io.far_places import write_far_places
+    from gpszip.pipeline.diff import diff
+
+    # Bytes, or positions.
+    reading["selection"] = pop_selection(reading)
+    if exact:
+        return _compare_bytes(settings, first, others)
+    if len(others) > 1:
+        raise OptionError(f"{1 + len(others)} files were named", remedy="name A and B")
+
+    # Refuse what can be refused before anything is read.
+    (second,) = others
+    if first == second == "-":
+        raise OptionError("only one of both can come from standard input", remedy="name a file")
+    if target is not None:
+        check_output(target, force=force)
+
+    # Read and compare.
+    sides, results = [], []
+    for name in (first, second):
+        side, read_result = _open(name, map_name, gap, reading)
+        if read_result is not None and not settings.json:
+            _print_reading(read_result)
+        sides.append(side)
+        results.append(read_result)
+    found = diff(*sides, worst=worst)
+    if target is not None:
+        write_far_places(found.worst, target, geographic=found.geographic)
+
+    # Say what was found; a table on standard output would mix with places there.
+    if settings.json:
+        print_json(_facts((first, second), found, results), err=target == "-")
+    else:
+        for line in _table(found, (first, second)):
+            click.echo(line, err=target == "-")
+        if target not in {None, "-"}:
+            print_status(f"{target}: {len(found.worst):,} places")
+    read = [result for result in results if result is not None]
+    return Outcome.DONE if all(result.complete for result in read) else Outcome.LEFT_OUT
+
+
+def _compare_bytes(settings: Settings, archive: str, logs: tuple[str, ...]) -> Outcome:
+    """Compare every byte of logs with what an archive keeps of them."""
     from gpszip.cli.archives import open_archive_file
     from gpszip.cli.output import print_json
-    from gpszip.errors import OptionError
     from gpszip.io.logs.formats import is_bundle
     from gpszip.io.storage.source import spooled
     from gpszip.pipeline.exact_logs import check_exact
 
-    if not exact:
-        raise OptionError("diff compares bytes only", remedy="add --exact")
     with open_archive_file(archive) as source, spooled(logs, unzip=is_bundle) as sources:
         size = check_exact(source, sources)
     if settings.json:
@@ -37,3 +201,155 @@ def command(settings: Settings, archive: str, logs: tuple[str, ...], exact: bool
     else:
         click.echo(f"{archive}: holds every byte; logs {len(sources):,}, bytes {size:,}")
     return Outcome.DONE
+
+
+def _open(
+    name: str, map_name: str | None, gap: float | None, reading: dict[str, Any]
+) -> tuple[Side, ReadResult | None]:
+    """Open an archive, or read a log."""
+    from gpszip.cli.archives import explain_corruption, open_archive_bytes, read_archive_bytes
+    from gpszip.io.logs.read import read_logs
+    from gpszip.pipeline.diff import holds_archive, side_of_archive, side_of_log
+
+    # The file begins like an archive, or is none.
+    stdin = sys.stdin.buffer.read() if name == "-" else b""
+    if holds_archive(stdin or _head(name)):
+        data = stdin or read_archive_bytes(name)
+        with explain_corruption(name, data):
+            archive = open_archive_bytes(name, data, map_name)
+            return side_of_archive(select_from(archive, _selection(reading))), None
+
+    # A log; one without times is compared as lines.
+    read_result = read_logs([BytesIO(stdin)] if name == "-" else [name], times=False, **reading)
+    return side_of_log(read_result.tracks, gap), read_result
+
+
+def _print_reading(read_result: ReadResult) -> None:
+    """Say what reading a log lost and repaired."""
+    from gpszip.cli.output import print_status
+    from gpszip.cli.summary import describe_repairs, print_losses
+
+    print_losses(read_result)
+    for line in describe_repairs(read_result.repairs):
+        print_status(f"gpszip: {line}")
+
+
+def _head(name: str) -> bytes:
+    """First bytes of a file; none where it is a pattern or lies elsewhere."""
+    path = Path(name)
+    if not path.is_file():
+        return b""
+    with path.open("rb") as file:
+        return file.read(_HEAD_BYTES)
+
+
+def _selection(reading: dict[str, Any]) -> Selection:
+    selection: Selection = reading["selection"]
+    return selection
+
+
+def _facts(
+    names: tuple[str, str], found: Difference, results: Sequence[ReadResult | None]
+) -> dict[str, Any]:
+    """Return the result for JSON: lengths in metres, times in seconds."""
+    from gpszip.cli.summary import losses_as_dict, repairs_as_dict
+
+    return {
+        "a": names[0],
+        "b": names[1],
+        "total": asdict(found.total),
+        "tracks": [asdict(track) for track in found.tracks],
+        "missing": list(found.missing),
+        "worst": [asdict(place) for place in found.worst],
+        "read": [
+            None
+            if result is None
+            else {**losses_as_dict(result), **repairs_as_dict(result.repairs, result.left_out)}
+            for result in results
+        ],
+    }
+
+
+def _table(found: Difference, names: tuple[str, str]) -> list[str]:
+    """Return the lines of the table, and what only one of both has."""
+    # A row for each track, and one for all of several.
+    rows = [_HEADS, *(_row(track) for track in found.tracks)]
+    if len(found.tracks) != 1:
+        rows.append(("all", *_distance_cells(found.total), *[""] * 5))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [
+        "  ".join(
+            cell.ljust(width) if number == 0 else cell.rjust(width)
+            for number, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+
+    # What one of them lacks.
+    for name, ids in zip(names, found.missing, strict=True):
+        if ids:
+            lines.append(f"{name} lacks {len(ids):,} of the tracks{_list_names(ids)}")
+    for track in found.tracks:
+        lines += _describe_alone(track, names)
+        if track.within > _MIN_WITHIN:
+            lines.append(
+                f"{track.id}: long lines were thinned; Hausdorff and Fréchet distances are within "
+                f"{_metres(track.within)}, the discrete one within {_metres(track.discrete_within)}"
+            )
+    return lines
+
+
+def _row(track: TrackDifference) -> tuple[str, ...]:
+    """Return the cells of a track; lengths and durations of both."""
+    a, b = track.lengths
+    since, until = track.durations
+    return (
+        track.id,
+        *_distance_cells(track.distances),
+        _metres(track.hausdorff),
+        _metres(track.frechet),
+        _metres(track.discrete_frechet),
+        f"{_metres(a)} / {_metres(b)}",
+        f"{format_duration(since)} / {format_duration(until)}",
+    )
+
+
+def _distance_cells(distances: Distances) -> tuple[str, ...]:
+    values = (distances.mean, distances.rmse, distances.percentile_95, distances.maximum)
+    return (
+        f"{distances.compared:,}",
+        *("-" if math.isnan(value) else _metres(value) for value in values),
+    )
+
+
+def _describe_alone(track: TrackDifference, names: tuple[str, str]) -> list[str]:
+    """Say in which time ranges only one of both has travel, and which samples have no match."""
+    lines = []
+    for name, ranges, samples in zip(names, track.alone, track.unmatched, strict=True):
+        facts = []
+        if ranges:
+            seconds = sum(end - begin for begin, end in ranges)
+            facts.append(f"{format_duration(seconds)} in {len(ranges):,} time ranges")
+        if samples:
+            facts.append(f"{samples:,} samples without counterpart")
+        if facts:
+            lines.append(f"{track.id}: only in {name}: {', '.join(facts)}")
+    return lines
+
+
+def _metres(length: float) -> str:
+    """Format metres with three digits or to a metre.
+
+    Examples
+    --------
+    >>> _metres(12.345), _metres(5677.2), _metres(1_342_000.0)
+    ('12.3 m', '5,677 m', '1,342 km')
+    """
+    if length >= _MIN_KILOMETRES:
+        return f"{length / 1000:,.0f} km"
+    return f"{length:.3g} m" if length < 1000 else f"{length:,.0f} m"
+
+
+def _list_names(ids: Sequence[str]) -> str:
+    shown = ", ".join(ids[:_MAX_NAMED])
+    return f" ({shown}{', ...' if len(ids) > _MAX_NAMED else ''})"

@@ -129,6 +129,9 @@ def _summary_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("error bound", _describe_error_bound(facts)))
     if facts["sampling_s"]:
         rows.append(("sampling", f"about every {facts['sampling_s']:.2g} s"))
+    for curve in facts["curves"]:
+        text = f"within {curve['bound']:g} at every point, {curve['bytes']:,} bytes"
+        rows.append((f"column {curve['name']}", text))
     return [*rows, *_kept_rows(facts["kept"], facts["exact_logs"])]
 
 

@@ -35,6 +35,7 @@ def command(settings: Settings, archive: str, map_name: str | None) -> Outcome:
         exact = find_exact_logs(source.contents)
         if exact is not None:
             exact.check()
+        source.check_curves()
 
     # Say what was found.
     if settings.json:

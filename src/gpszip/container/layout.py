@@ -95,6 +95,7 @@ class SectionKind(IntEnum):
     ERROR_BOUND = 8  # error bound and sampling
     EXACT_LOGS = 9  # the logs, byte by byte
     CODED_ATTRIBUTES = 10  # kept times and columns, by the coder of lossless columns
+    CURVES = 11  # columns kept within an error
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,9 @@ __all__ = ["Recovered", "find_intact_sections", "recover", "recover_bytes"]
 _FREE_WORK = 1 << 20
 _WORK_PER_BYTE = 8
 
+#: Sections that stand for all tracks together.
+_OF_ALL_TRACKS = (SectionKind.ATTRIBUTES, SectionKind.CODED_ATTRIBUTES, SectionKind.CURVES)
+
 
 @dataclass(frozen=True)
 class Recovered:
@@ -203,18 +206,17 @@ def _read_ids(
 def _read_extras(
     sections: list[StoredSection], has_all_tracks: bool, lost: list[str]
 ) -> tuple[Section, ...]:
-    """Further sections; kept attributes are those of all tracks, and lost with any of them."""
+    """Further sections; kept columns are those of all tracks, and lost with any of them."""
     # Kinds above those known here are of later versions.
-    kept = {SectionKind.ATTRIBUTES, SectionKind.CODED_ATTRIBUTES}
     extras = tuple(
         Section(section.kind, section.body)
         for section in sections
         if section.kind == SectionKind.ATTRIBUTES or section.kind > SectionKind.ERROR_BOUND
     )
-    if has_all_tracks or all(extra.kind not in kept for extra in extras):
+    if has_all_tracks or all(extra.kind not in _OF_ALL_TRACKS for extra in extras):
         return extras
     lost.append("kept columns and times of samples, as they stand for all tracks together")
-    return tuple(extra for extra in extras if extra.kind not in kept)
+    return tuple(extra for extra in extras if extra.kind not in _OF_ALL_TRACKS)
 
 
 def _read_error_bound(

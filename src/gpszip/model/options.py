@@ -42,6 +42,9 @@ class Options:
         ``"bz2"`` packs the archive once more, as the thesis did.
     effort : int
         From 1, quick, to 9, small.
+    curves : tuple of (str, float)
+        Attributes of the tracks to keep as curves over time, each with its largest error at any
+        sample.
     coreset : int, optional
         Learn from the weighted points of a coreset of this many blocks instead of all samples. The
         bound is measured at all samples.
@@ -73,6 +76,7 @@ class Options:
     layer: str | None = None
     effort: int = 5
     coreset: int | None = None
+    curves: tuple[tuple[str, float], ...] = ()
 
     def tightened(self, share: float) -> Options:
         """Return the options with the bound on the error multiplied by ``share``.
@@ -122,7 +126,8 @@ class Options:
                 "it must be a positive number of seconds, or infinite for no gaps"
             )
         # Kept columns are stored with the exact times of the samples.
-        if not self.times and (self.keep or self.keep_times):
+        _check_curves(self)
+        if not self.times and (self.keep or self.keep_times or self.curves):
             raise OptionError("columns can't be kept without times; leave out either")
         if self.layer not in {None, "bz2"}:
             raise OptionError(f"layer is {self.layer!r}; the only layer is 'bz2'")
@@ -130,6 +135,18 @@ class Options:
             raise OptionError(f"effort is {self.effort}; it goes from 1 to 9")
         if self.coreset is not None and self.coreset < 1:
             raise OptionError(f"coreset is {self.coreset}; it has at least 1 block")
+
+
+def _check_curves(options: Options) -> None:
+    names = [*options.keep, *(name for name, _ in options.curves)]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise OptionError(f"column {twice!r} is kept twice", remedy="give one bound, or none")
+    for name, bound in options.curves:
+        if not 0 < bound < math.inf:
+            raise OptionError(
+                f"column {name!r} is kept within {bound:g}; it must be a positive number"
+            )
 
 
 def _check_bounds(options: Options) -> None:

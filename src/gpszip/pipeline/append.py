@@ -31,6 +31,7 @@ from gpszip.pipeline.compress import off_map_notes, report_on, within_bound
 from gpszip.pipeline.continue_tracks import piece_time_ranges_of, ready_to_continue, track_end
 from gpszip.pipeline.job import Job, on_tracks, prepare
 from gpszip.pipeline.kept_columns import extended_sections
+from gpszip.pipeline.kept_curves import refuse_curves
 from gpszip.pipeline.measure import measure
 from gpszip.pipeline.validate import as_log, on_plane_of
 from gpszip.run.executor import Executor
@@ -107,6 +108,7 @@ def append(
     start = time.perf_counter()
 
     # What the archive states and keeps goes on.
+    refuse_curves([archive], "--append")
     options = completed_options(options or Options(), archive)
     log = on_plane_of(archive, as_log(tracks), options)
     _check_times(archive, log)

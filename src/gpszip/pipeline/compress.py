@@ -25,6 +25,7 @@ from gpszip.model.grid import step_size
 from gpszip.model.log import Log
 from gpszip.pipeline.bounds import describe_bound, excess, holds, stated_bound
 from gpszip.pipeline.job import Job, prepare
+from gpszip.pipeline.kept_curves import curve_notes
 from gpszip.pipeline.learn import Learned, keep_all_samples, learn
 from gpszip.pipeline.measure import measure
 from gpszip.pipeline.size_search import Try, smallest_error
@@ -135,7 +136,7 @@ def compress(
         archive, errors = _within_size(job, job.options.size)
 
     # Say in the report which tracks have no times, and what lies off the known map.
-    notes = job.notes + off_map_notes(archive, map) + _notes_on_times(job)
+    notes = job.notes + off_map_notes(archive, map) + _notes_on_times(job) + curve_notes(archive)
     seconds = time.perf_counter() - start
     return archive, report_on(job, archive, errors, notes, seconds)
 

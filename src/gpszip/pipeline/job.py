@@ -18,6 +18,7 @@ from gpszip.model import Listener, Options, Progress, Track
 from gpszip.model.log import Log, LogTrack, MemoryLog
 from gpszip.pipeline.bounds import size_in_bytes, with_bound
 from gpszip.pipeline.kept_columns import kept_sections
+from gpszip.pipeline.kept_curves import curve_sections
 from gpszip.pipeline.memory import batch_samples, subsample_size, workers_within
 from gpszip.pipeline.slices import Slice, batch_slices, slice_tracks
 from gpszip.pipeline.validate import check_thesis_in_memory
@@ -199,7 +200,7 @@ def prepare(
         listener=progress,
         map=map,
         batch=batch,
-        extras=kept_sections(log, options),
+        extras=(*kept_sections(log, options), *curve_sections(log, options)),
     )
 
 

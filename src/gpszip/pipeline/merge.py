@@ -20,6 +20,7 @@ from gpszip.model.grid import step_size
 from gpszip.model.merge_options import MergeOptions
 from gpszip.model.merge_report import Deviation, MergeReport
 from gpszip.pipeline.continue_tracks import piece_time_ranges_of
+from gpszip.pipeline.kept_curves import refuse_curves
 from gpszip.pipeline.merge_columns import merge_columns
 from gpszip.pipeline.merge_sources import (
     MergeSource,
@@ -247,6 +248,7 @@ def _build_archive(
     untimed = frozenset(number for number, id in enumerate(ids) if id in without_times)
     grid_walks = drop_time_steps(grid_walks, untimed, others=len(untimed) < len(ids))
 
+    refuse_curves([source.archive for source in sources], "merge")
     columns, notes = merge_columns(sources, ids)
     archive = new_archive(
         merged.grid,

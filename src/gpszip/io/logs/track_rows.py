@@ -207,8 +207,8 @@ def densified_rows(
     >>> len(track_rows(track, 3)), len(densified_rows(track, 3, 1.0))
     (2, 17)
     """
-    # Tracks in metres need no added rows, and attributes have no values between samples.
-    if track.plane is None or track.attributes:
+    # Tracks in metres need no added rows, and texts and integers have no values between samples.
+    if track.plane is None or any(each.dtype.kind != "f" for each in track.attributes.values()):
         return track_rows(track, decimals, track_name)
 
     # Add rows.
@@ -232,6 +232,10 @@ def densified_rows(
         times=round_decimals(times, time_decimals) if track.timed else None,
         coordinates=round_decimals(np.stack([lat, lon], axis=1), degree_decimals),
         geographic=True,
+        attributes={
+            name: np.interp(times, track.times, values.astype(np.float64))
+            for name, values in track.attributes.items()
+        },
     )
 
 

@@ -44,8 +44,8 @@ def write_tracks(
         write pieces under their own names.
     max_deviation : float, optional
         Metres by which latitude and longitude, read as linear in time, may deviate from the
-        tracks. Rows are added as needed. If it is left out, and for tracks with attributes, there
-        is one row for each sample.
+        tracks. Rows are added as needed, with attributes linear in time. If it is left out, and for
+        tracks with attributes that are texts or integers, there is one row for each sample.
 
     Returns
     -------

@@ -1,0 +1,138 @@
+"""Columns kept within an error: --keep ele:1m, as a user asks for them."""
+
+import csv
+import io
+import math
+import xml.etree.ElementTree as ElementTree
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+import gpszip as package
+
+START = 1_714_557_600
+
+
+@pytest.fixture
+def ride(tmp_path):
+    """A ride with altitude, a hole in it, and a pulse."""
+    rng = np.random.default_rng(2)
+    heights = np.round(100 + np.cumsum(rng.normal(size=300) * 0.3), 1)
+    points = []
+    for i, height in enumerate(heights):
+        stamp = datetime.fromtimestamp(START + i, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+        ele = "" if 100 <= i < 120 else f"<ele>{height}</ele>"
+        hr = 120 + round(10 * math.sin(i / 30))
+        lat, lon = 52.5 + 0.002 * math.sin(i / 60), 13.4 + 0.003 * math.cos(i / 60)
+        points.append(
+            f'<trkpt lat="{lat:.7f}" lon="{lon:.7f}">{ele}<time>{stamp}</time><hr>{hr}</hr></trkpt>'
+        )
+    head = '<gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1"><trk><name>ride</name>'
+    text = f"{head}<trkseg>{''.join(points)}</trkseg></trk></gpx>"
+    (tmp_path / "ride.gpx").write_text(text)
+    heights[100:120] = np.nan
+    return heights
+
+
+@pytest.fixture
+def archive(gpszip, ride, tmp_path):
+    done = gpszip("compress ride.gpx -o ride.gpsz --max-error 5m --effort 1 --keep ele:1m,hr:2")
+    assert done.code == 0, done.err
+    assert "ele within 1 at every point" in done.err
+    return package.open(tmp_path / "ride.gpsz")
+
+
+def test_values_come_back_within_their_bounds(archive, ride):
+    times = START + np.arange(300.0)
+    found = archive.curve("ride", "ele", times)
+    assert np.nanmax(np.abs(found - ride)) <= 1
+    assert np.isnan(found).tolist() == np.isnan(ride).tolist()
+    pulse = np.round(120 + 10 * np.sin(np.arange(300) / 30))
+    assert np.abs(archive.curve("ride", "hr", times) - pulse).max() <= 2
+    # At any time, which exact columns can't.
+    half = archive.curve("ride", "ele", "2024-05-01T10:00:10.5Z")
+    assert abs(half - ride[10:12].mean()) <= 2
+    assert archive.kept_columns is None
+
+
+def test_all_ways_to_decompress_have_them(gpszip, archive, tmp_path):
+    for command in (
+        "decompress ride.gpsz -o -",
+        "decompress ride.gpsz -o - --every 20s",
+        "cat ride.gpsz --every 20s",
+        "cat ride.gpsz --since 2024-05-01T10:01:00Z",
+    ):
+        done = gpszip(command)
+        assert done.code == 0, done.err
+        rows = list(csv.DictReader(io.StringIO(done.out)))
+        for row in rows:
+            expected = archive.curve("ride", "hr", float(row["t"]))
+            assert float(row["hr"]) == pytest.approx(float(expected)), command
+        assert len(rows) > 2
+    done = gpszip("decompress ride.gpsz -o - --every 20s --format gpx")
+    points = ElementTree.fromstring(done.out).iter("{http://www.topografix.com/GPX/1/1}trkpt")
+    heights = [[float(e.text) for e in p if e.tag.endswith("ele")] for p in points]
+    assert [len(height) for height in heights].count(0) == 1
+    assert heights[0][0] == pytest.approx(float(archive.curve("ride", "ele", START)), abs=1e-3)
+
+
+def test_beside_exact_columns(gpszip, ride, tmp_path):
+    done = gpszip("compress ride.gpx -o a.gpsz --max-error 5m --effort 1 --keep hr,ele:2ft")
+    assert done.code == 0, done.err
+    archive = package.open(tmp_path / "a.gpsz")
+    assert archive.kept_columns == ("hr",)
+    assert archive.curve_sizes["ele"][0] == pytest.approx(0.6096)
+    track = archive.samples()[0]
+    pulse = np.round(120 + 10 * np.sin(np.arange(300) / 30))
+    assert track.attributes["hr"].tolist() == pulse.tolist()
+    assert np.nanmax(np.abs(track.attributes["ele"] - ride)) <= 0.6096
+
+
+def test_info_verify_and_select(gpszip, archive, ride, tmp_path):
+    assert "within 1 at every point" in gpszip("info ride.gpsz").out
+    facts = gpszip("info ride.gpsz --json").json
+    assert [(curve["name"], curve["bound"]) for curve in facts["curves"]] == [("ele", 1), ("hr", 2)]
+    assert gpszip("verify ride.gpsz").code == 0
+    options = "--since 2024-05-01T10:03:00Z --until 2024-05-01T10:04:00Z"
+    assert gpszip(f"select ride.gpsz -o part.gpsz {options}").code == 0
+    part = package.open(tmp_path / "part.gpsz")
+    times = START + np.arange(181.0, 240.0)
+    assert part.curve("ride", "ele", times).tolist() == archive.curve("ride", "ele", times).tolist()
+    assert len(part._curve_columns["ele"].knots[0]) < len(archive._curve_columns["ele"].knots[0])
+
+
+def test_what_cannot_keep_them_says_so(gpszip, archive):
+    assert gpszip("select ride.gpsz -o part.gpsz --until 2024-05-01T10:02:00Z").code == 0
+    joined = gpszip("join part.gpsz ride.gpsz -o all.gpsz")
+    assert joined.code == 2
+    assert "can't be joined" in joined.err
+    merged = gpszip("merge part.gpsz ride.gpsz -o all.gpsz --same-id prefix")
+    assert merged.code == 2
+    assert "which merge can't continue" in merged.err
+    appended = gpszip("compress ride.gpx -o ride.gpsz --append")
+    assert appended.code == 2
+    assert "which --append can't continue" in appended.err
+
+
+def test_mistakes(gpszip, ride):
+    for keep, words in (
+        ("ele:1x", "no unit of length"),
+        ("ele:0", "greater than 0"),
+        ("ele,ele:1", "kept twice"),
+        ("lat:1", "no 'lat' to keep"),
+    ):
+        done = gpszip("compress ride.gpx -o no.gpsz --keep", keep)
+        assert done.code in {1, 2}, keep
+        assert words in done.err, keep
+    with pytest.raises(package.OptionError, match="no column 'ele'"):
+        package.compress("ride.gpx", max_error=5, effort=1).curve("ride", "ele", START)
+
+
+def test_from_python(ride, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    archive = package.compress("ride.gpx", max_error=5, effort=1, keep_within={"ele": 3.0})
+    assert np.nanmax(np.abs(archive.curve("ride", "ele", START + np.arange(300.0)) - ride)) <= 3
+    plain = package.compress("ride.gpx", max_error=5, effort=1)
+    assert plain.size < archive.size
+    assert plain.decompress()[0].attributes == {}
