@@ -84,6 +84,17 @@ _LOSSES: Fields = {
         ),
         "tracks that lost many points",
     ),
+    "other_files": _list(
+        _object(
+            {
+                "where": "string: the folder or zip archive",
+                "what": "string: which files, such as: without positions",
+                "count": "integer: how many",
+                "kinds": _table("integer: files", "how many have each suffix"),
+            }
+        ),
+        "files of folders and zip archives that hold no log, or one that another file has, too",
+    ),
 }
 
 _READ: Fields = {**_LOSSES, **_REPAIRS}

@@ -86,9 +86,11 @@ def print_losses(read_result: ReadResult) -> None:
     if losses:
         print_status(f"gpszip: lost {'; '.join(losses)}")
 
-    # Each log has a line with its reason.
+    # Each log has a line with its reason; files that hold none are counted.
     for left in read_result.left_out:
         print_status(f"gpszip: left out {left.name}: {left.reason}")
+    for others in read_result.other_files:
+        print_status(f"gpszip: {others.where}: left out {others}")
 
 
 def describe_repairs(repairs: Iterable[Repair]) -> list[str]:
@@ -119,6 +121,9 @@ def losses_as_dict(read_result: ReadResult) -> dict[str, Any]:
         "points_read": read_result.points,
         "points_lost": read_result.lost,
         "losses": [asdict(loss) for loss in read_result.losses],
+        "other_files": [
+            {**asdict(others), "kinds": dict(others.kinds)} for others in read_result.other_files
+        ],
     }
 
 

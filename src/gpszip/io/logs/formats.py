@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from gpszip.errors import InputError, OptionError, OutputError, UnknownFormatError
+from gpszip.errors import InputError, NoPositionsError, OptionError, OutputError, UnknownFormatError
 from gpszip.io.deferred import deferred
 from gpszip.io.logs.log_format import LogBatches, LogFormat
 from gpszip.io.logs.xml.text import root_element
@@ -343,7 +343,7 @@ def format_for_reading(source: Source) -> LogFormat:
     # Refuse an empty file before any format is asked.
     head = source.head()
     if not head.strip():
-        raise InputError("empty file", path=source.name, remedy="name one that holds a log")
+        raise NoPositionsError("empty file", path=source.name, remedy="name one that holds a log")
 
     # 1. Formats that know their files.
     formats = log_formats()
@@ -360,7 +360,7 @@ def format_for_reading(source: Source) -> LogFormat:
     for format_ in formats:
         if format_.is_fallback and format_.sniff(head):
             name = source.name.lower().removesuffix(".gz")
-            if source.archive and not name.endswith(format_.suffixes):
+            if source.collection and not name.endswith(format_.suffixes):
                 raise UnknownFormatError(
                     "is text, but not named as a table",
                     path=source.name,

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.errors import InputError
+from gpszip.errors import InputError, NoPositionsError
 from gpszip.io.logs.geojson.crs import crs_problem
 from gpszip.io.logs.geojson.features import (
     BadPosition,
@@ -227,7 +227,9 @@ def _add_members(contents: _Contents, members: dict[str, Any]) -> None:
         problem = "it has no 'features'"
         if "features" in members:
             problem = f"its 'features' is {abbreviate(members['features'])}, not a list"
-        raise InputError(f"no FeatureCollection as GeoJSON has it: {problem}", path=contents.name)
+        raise NoPositionsError(
+            f"no FeatureCollection as GeoJSON has it: {problem}", path=contents.name
+        )
     # Collections in metres are GPSZip's own, so a `crs` in them means nothing.
     metric = members.get("gpszip") == METRES_MEMBER["gpszip"]
     contents.metric.add(metric)
@@ -254,7 +256,7 @@ def _no_tracks_error(contents: _Contents) -> InputError:
         return contents.skipped[0]
     kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(contents.others.items()))
     only = f", only {kinds}" if kinds else ""
-    return InputError(f"no LineString and no Point in it{only}", path=contents.name)
+    return NoPositionsError(f"no LineString and no Point in it{only}", path=contents.name)
 
 
 def _list_left_out(contents: _Contents, reason: str) -> tuple[LeftOut, ...]:
