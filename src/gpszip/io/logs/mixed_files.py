@@ -7,6 +7,7 @@ that users name themselves are always read.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import PurePosixPath
 
 from gpszip.errors import UnknownFormatError
 from gpszip.io.logs.formats import (
@@ -23,9 +24,9 @@ from gpszip.io.storage.source import Source
 __all__ = ["ReadFiles", "choose_format", "may_be_log"]
 
 #: What messages call the files that are left out because another file has their positions.
-_REPEATED = "that repeat others"
-_SAME_HISTORY = "of the same history as {name} (--format google-paths reads paths)"
-_NO_PATHS = "of positions, as --format google-paths reads paths"
+_REPEATED = "with the same bytes as another one"
+_SAME_HISTORY = "of the same history as {name} (--format google-paths reads its paths)"
+_NO_PATHS = "of positions instead of paths"
 
 #: Lists of histories with what devices measured, in files without paths.
 _MEASURED = ("locations", "timelineEdits")
@@ -112,4 +113,4 @@ class ReadFiles:
         if format_ is GOOGLE_PATHS and found in _MEASURED:
             return _NO_PATHS
         chosen, name = self.histories.setdefault(source.collection, (found, source.name))
-        return "" if chosen == found else _SAME_HISTORY.format(name=name)
+        return "" if chosen == found else _SAME_HISTORY.format(name=PurePosixPath(name).name)

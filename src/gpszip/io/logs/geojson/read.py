@@ -20,6 +20,7 @@ from gpszip.io.logs.geojson.features import (
     BadPosition,
     FeatureError,
     Line,
+    NoFeatureError,
     PropertyNames,
     read_feature,
 )
@@ -161,15 +162,13 @@ class _Contents:
     metric: set[bool] = field(default_factory=set)
     crs_problem: str = ""
 
-    def skip(self, feature: int, reason: str) -> None:
+    def skip(self, feature: int, reason: str, kind: type[InputError] = InputError) -> None:
         """Leave out a feature, or raise."""
         location = f"feature {feature}"
         if not self.skip_bad:
-            raise InputError(
-                reason, path=self.name, location=location, remedy="--skip-bad leaves it out"
-            )
+            raise kind(reason, path=self.name, location=location, remedy="--skip-bad leaves it out")
         if len(self.skipped) < _MAX_NAMED_FEATURES:
-            self.skipped.append(InputError(reason, path=self.name, location=location))
+            self.skipped.append(kind(reason, path=self.name, location=location))
         else:
             self.more_skipped += 1
 
@@ -204,7 +203,10 @@ def _add_feature(contents: _Contents, element: Any, names: PropertyNames) -> Non
     try:
         feature = read_feature(element, contents.features, names)
     except FeatureError as error:
-        contents.skip(contents.features, str(error))
+        # JSON that doesn't begin like GeoJSON is something else.
+        is_other = contents.features == 1 and isinstance(error, NoFeatureError)
+        kind = NoPositionsError if is_other else InputError
+        contents.skip(contents.features, str(error), kind)
         return
 
     # Lines
