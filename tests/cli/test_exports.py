@@ -172,7 +172,7 @@ def test_a_bomb_in_archives_is_refused():
     with pytest.raises(InputError, match="no row"):
         read_logs(io.BytesIO(inner))
     outer = exports.zipped({f"{i}.zip": inner for i in range(3)})
-    with pytest.raises(InputError, match="^stream: expands more than 300 times"):
+    with pytest.raises(InputError, match=r"^stream: expands more than 300 times"):
         read_logs(io.BytesIO(outer))
 
 

@@ -303,7 +303,8 @@ _FORMATS: Fields = {
                 "suffixes": _list("string: such as .csv", "suffixes of its files"),
                 "about": "string: what is read",
                 "write": "boolean: whether it can be written",
-                "extra": "string|null: extra that it needs",
+                "batches": "boolean: whether it is read in batches, and so may exceed the memory",
+                "extra": "string: extra that it needs; empty if it needs none",
             }
         ),
         "formats of logs",
