@@ -31,7 +31,7 @@ def open_log(
     Parameters
     ----------
     sources : path, stream or iterable of them
-        Files, patterns, folders of Parquet, sources of frames; ``-`` is standard input.
+        Files, patterns, folders, sources of frames; ``-`` is standard input.
     memory : int, optional
         Bytes that compressing the log may take, at least 400 MiB. A log that would take more is
         sorted by track and time into a temporary file, which goes when the context ends.
