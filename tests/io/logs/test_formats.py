@@ -112,7 +112,7 @@ def test_a_format_of_another_package_is_read_written_and_listed(tmp_path):
     assert copy.read_text().startswith("TOY\n0.000 ")
 
     listed = gpszip(tmp_path, "formats")
-    assert re.search(r"toy +\.toy +read, write  time, x and y in each line", listed.stdout)
+    assert re.search(r"toy +\.toy +read, write +no +- +time, x and y in each line", listed.stdout)
 
 
 def test_a_named_format_of_gpszip_is_read_whatever_other_packages_do(install_plugin):
@@ -125,7 +125,9 @@ def test_a_named_format_of_gpszip_is_read_whatever_other_packages_do(install_plu
 
 
 def test_xml_that_no_format_recognises_is_refused_with_advice():
-    with pytest.raises(UnknownFormatError, match="root element is 'places'; convert it to GPX"):
+    with pytest.raises(
+        UnknownFormatError, match="root element is 'places'; 'gpszip formats' lists"
+    ):
         read_logs(io.BytesIO(PLACES))
 
 

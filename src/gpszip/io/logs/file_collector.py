@@ -272,7 +272,7 @@ class FileCollector:
         for track in tracks:
             name = self.tracks.names[track["name"]] or ""
             count, time = int(track["rows"]), float(track["first_time"])
-            errors.append((name, stopped_clock_error(self.name, name, count, time)))
+            errors.append((name, stopped_clock_error(self.name, name, count, self.row_noun, time)))
             self.repairs.append(Repair(f"points of track {name!r} left out", count, self.name))
 
         # Raise, unless other tracks remain and bad ones may be left out.

@@ -222,6 +222,7 @@ _OTHER_FILES = (
 #: Advice for XML that no format reads, by the name of its root element in lower case.
 _OTHER_XML = {
     "osm": "it is OpenStreetMap's, which has roads, not logs; 'gpszip network' reads it",
+    "healthdata": "it is Apple's health data; its routes are in workout-routes beside it, as GPX",
     "graphml": "it is GraphML, which has roads, not logs; 'gpszip network' reads it",
     "html": "it is a web page, perhaps of an error or a login; fetch the file again",
 }
@@ -406,7 +407,7 @@ def _explain_other_kind(name: str, head: bytes) -> str:
             "is XML, but no element comes within its first 256 KiB; "
             "if it is GPX, say so with --format gpx"
         )
-    advice = _OTHER_XML.get(root.lower(), "convert it to GPX or CSV first")
+    advice = _OTHER_XML.get(root.lower(), "'gpszip formats' lists what can be read")
     return f"is XML, but of no format that is read: its root element is {root[:40]!r}; {advice}"
 
 
