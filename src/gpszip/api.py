@@ -27,6 +27,7 @@ from gpszip.model.timestamps import Times
 from gpszip.run.executor import Executor
 
 if TYPE_CHECKING:
+    from gpszip.container.contents import Section
     from gpszip.io.frames.source import FrameSource
     from gpszip.model.match import Matching
     from gpszip.model.patching import Patching
@@ -221,6 +222,7 @@ def compress(
     times: bool = True,
     keep: Sequence[str] = (),
     keep_times: bool = False,
+    lossless: bool = False,
     layer: str | None = None,
     effort: int = 5,
     coreset: int | None = None,
@@ -258,6 +260,8 @@ def compress(
         samples: see :meth:`Archive.attributes`.
     keep_times : bool, default False
         Keep the times of the samples exactly, also without attributes.
+    lossless : bool, default False
+        Keep the files themselves, too, byte by byte: see :meth:`Archive.exact_log`.
     layer : {None, "bz2"}
         ``"bz2"`` packs the archive once more, as the thesis did.
     effort : int, default 5
@@ -310,9 +314,16 @@ def compress(
     # Positions are read onto the plane of the map, so that both can be compared.
     known_map = map if map is None or isinstance(map, Archive) else open_archive(map)
     plane = None if known_map is None else known_map.grid.plane
+    extras = _exact_sections(tracks) if lossless else ()
     with _open_log(tracks, memory, plane, names, times, progress, options.thesis) as log:
         archive, report = compress_tracks(
-            log, options, memory=memory, map=known_map, executor=executor, progress=progress
+            log,
+            options,
+            memory=memory,
+            map=known_map,
+            extras=extras,
+            executor=executor,
+            progress=progress,
         )
 
     # An archive that is opened from a file has no report; this one keeps what was measured.
@@ -903,6 +914,23 @@ def _open_log(
             _warn_of_losses(log.read_result)
         # The caller compresses within this block; afterwards a log on disk is removed.
         yield log
+
+
+def _exact_sections(tracks: Logs) -> tuple[Section, ...]:
+    """The section of files that are kept byte by byte."""
+    from gpszip.io.logs.formats import is_bundle
+    from gpszip.io.storage.source import spooled
+    from gpszip.pipeline.exact_logs import exact_section
+
+    # A stream could be read only once.
+    files = _files_among(tracks)
+    names = None if files is None else _as_names(files)
+    if names is None or not all(isinstance(name, str) and name != "-" for name in names):
+        raise OptionError(
+            "lossless keeps files, and was given tracks or streams", remedy="name the files"
+        )
+    with spooled(names, unzip=is_bundle) as sources:
+        return (exact_section(sources),)
 
 
 def _warn_of_losses(result: ReadResult) -> None:

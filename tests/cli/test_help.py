@@ -3,9 +3,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import pytest
 
-from gpszip.cli.main import _COMMANDS, ExitCode, main
+from gpszip.cli.main import _COMMANDS, ExitCode, cli, main
 from gpszip.cli.topics import TOPICS
 
 ROOT = Path(__file__).parents[2]
@@ -22,6 +23,20 @@ def test_topics_fit_a_terminal_of_80_columns(gpszip, topic):
     assert run.code == 0
     assert run.out.rstrip() == TOPICS[topic].rstrip()
     assert max(map(len, run.out.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("name", _COMMANDS)
+def test_help_names_every_option_once(gpszip, name):
+    command = cli.get_command(click.Context(cli), name)
+    options = [p for p in command.get_params(click.Context(command)) if isinstance(p, click.Option)]
+    told = gpszip(name, "--help").out
+    _, *sections = re.split(r"^[A-Z][\w ']+:$", told, flags=re.MULTILINE)
+    shown = re.findall(r"^  (?:-\w, )?(--[\w-]+)", "".join(sections), re.MULTILINE)
+    # A name of an option is its first long one.
+    assert sorted(shown) == sorted(
+        next(name for name in option.opts if "--" in name) for option in options
+    )
+    assert ("\nOutput:\n" in told) == (len(options) >= 15)
 
 
 def test_help_alone_lists_commands_and_topics(gpszip):

@@ -222,7 +222,7 @@ def test_a_size_with_columns_kept(gpszip, log, monkeypatch):
     how = ("--effort", "1", "--memory", "420MiB", "--keep", "gear")
     done = gpszip("compress", early, "-o", "a.gpsz", *how, "--bytes", "1kB")
     assert done.code == 6
-    kept = int(done.err.split("alone take ")[1].split(";")[0].replace(",", ""))
+    kept = int(done.err.split("exactly takes ")[1].split(";")[0].replace(",", ""))
     done = gpszip("compress", early, "-o", "a.gpsz", *how, "--bytes", kept + 150, "--json")
     assert done.code == 0, done.err
     assert (

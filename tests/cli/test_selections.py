@@ -152,3 +152,11 @@ def test_selections_that_make_no_sense(gpszip, archive, options, message):
         done = gpszip(f"{command} {options}")
         assert done.code == 2, done.err
         assert message in done.err
+
+
+def test_logs_kept_exactly_are_not_copied_and_this_is_told(gpszip, archive):
+    assert gpszip("compress log.csv -o l.gpsz --effort 1 --max-error 5m --lossless").code == 0
+    for command in ("select l.gpsz -o p.gpsz --track cab/2", "split l.gpsz --by track"):
+        assert "not copied: keep l.gpsz" in gpszip(command).err
+    assert "not copied" not in gpszip(f"select {archive} -o q.gpsz --track cab/2").err
+    assert "not copied: keep l.gpsz" in gpszip("join l.gpsz -o w.gpsz").err

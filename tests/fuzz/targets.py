@@ -251,6 +251,77 @@ EUROC = (
 
 KITTI = ("".join(f"1 0 0 {3 * t} 0 1 0 {t % 7}.5 0 0 1 0\n" for t in range(12)),)
 
+OWNTRACKS = (
+    "".join(
+        f'2024-05-04T08:00:{i:02}Z\t*                 \t{{"_type":"location","tst":{9000 + i},'
+        f'"lat":48.{i:03},"lon":11.5,"vel":{i},"topic":"owntracks/me/{i % 2}"}}\n'
+        for i in range(12)
+    )
+    + '2024-05-04T08:00:59Z\t*                 \t{"_type":"lwt","tst":1}\n',
+)
+
+IGC = (
+    "AXXX\r\nHFDTE050822\r\nI023638FXA3940LAD\r\n"
+    + "".join(f"B2359{t}4830{t}5N00013{t}9EA0009200191007{t}\r\n" for t in range(50, 60))
+    + "HFDTEDATE:060822,01\r\nB0000014830895N00138319EV0009200191007110\r\n",
+)
+
+PLT = (
+    "Geolife trajectory\r\nWGS 84\r\nAltitude is in Feet\r\nReserved 3\r\n0,2,255\r\n0\r\n"
+    + "".join(
+        f"40.00{t},116.31,0,{t},39745.09{t}66,2008-10-24,02:09:{t}\r\n" for t in range(10, 20)
+    ),
+    "OziExplorer Track Point File Version 2.1\r\nWGS 84\r\nAltitude is in Feet\r\n\r\n0\r\n0\r\n"
+    + "".join(f" 40.00{t}, 116.31,1,-777,39745.09{t}66, 24-Oct-08\r\n" for t in range(10, 20)),
+)
+
+READSB = (
+    '{"icao":"3c6444","timestamp":1714780800.5,"trace":[\n'
+    + ",\n".join(
+        f'[{t}.5,48.{t},11.{t},{t}00,480.1,{t},{t % 11},-64,null,"adsb_icao",{t}50]'
+        for t in range(10, 30)
+    )
+    + ',\n[40,48.5,11,"ground",null,null,0,null]]}',
+)
+
+AIS = (
+    "# Timestamp,Type of mobile,MMSI,Latitude,Longitude,SOG,COG,Heading\n"
+    + "".join(
+        f"03/04/2024 00:00:{t},Class A,21900000{t % 2},55.{t},12.{t},1.{t},{t},{t}\n"
+        for t in range(10, 22)
+    )
+    + "03/04/2024 00:00:30,Class A,219000001,91.0,181.0,102.3,360.0,511\n",
+    "MMSI,BaseDateTime,LAT,LON,SOG,COG,Heading\n"
+    + "".join(
+        f"36600000{t % 2},2024-01-01T00:00:{t},47.{t},-122.{t},0.1,10,511\n" for t in range(10, 22)
+    ),
+)
+
+SUMO = (
+    '<?xml version="1.0" encoding="UTF-8"?>\n<!-- SUMO\n<configuration>\n'
+    '<fcd-output.geo value="true"/></configuration> -->\n<fcd-export>\n'
+    + "".join(
+        f'<timestep time="{t}.00"><vehicle id="a" x="11.{t}" y="48.{t}" angle="9" speed="1.{t}"/>'
+        f'<person id="b" x="11.{t}" y="48.2" edge="e"/></timestep>\n'
+        for t in range(10, 20)
+    )
+    + "</fcd-export>\n",
+)
+
+CARMEN = (
+    "# CARMEN\nPARAM robot_width 0.4\n"
+    + "".join(
+        f"ODOM 1.{t} 2.{t} 0.1 0 0 0 97605.{t} host 0.{t}\n"
+        f"FLASER 3 1.1 1.2 1.3 1.{t} 2.{t} 0.1 1.{t} 2.{t} 0.1 97605.{t} host 0.{t}\n"
+        for t in range(10, 20)
+    ),
+    "".join(
+        f"ROBOTLASER1 0 -1.5 3.1 0.1 80 0.1 0 2 1.1 1.2 1 7 "
+        f"1.{t} 2 0 1.{t} 2.{t} 0 0 0 0.1 0.1 9 97605.{t} host 0.{t}\n"
+        for t in range(10, 20)
+    ),
+)
+
 ROADS_GEOJSON = (
     """{"type": "FeatureCollection", "features": [
 {"type": "Feature", "properties":
@@ -347,6 +418,91 @@ def _fits() -> Sequence[bytes]:
     ends = fit.session(start, fit.SWIMMING), fit.session(start + 6, fit.RUNNING)
     ride = fit.fit(fit.file_id(), *described, *records, *ends)
     return [ride, ride + fit.fit(fit.file_id(fit.COURSE), *described, *records, endian=">")]
+
+
+@cache
+def _arrays() -> Sequence[bytes]:
+    import numpy as np
+
+    t = np.arange(12.0)
+    rows = np.zeros(12, [("t", "<i4"), ("lat", ">f8"), ("lon", "<f4"), ("id", "U2")])
+    rows["t"], rows["lat"], rows["id"] = t, 48 + t / 1e3, "a"
+    files = [io.BytesIO() for _ in range(3)]
+    np.savez(files[0], t=t, pos=np.column_stack([t * 3, t * 4]), speed=t)
+    np.savez_compressed(files[1], time=t, x=t, y=t)
+    np.save(files[2], rows)
+    return [file.getvalue() for file in files]
+
+
+@cache
+def _hdf5s() -> Sequence[bytes]:
+    import h5py
+    import numpy as np
+
+    t = np.arange(12.0)
+    files = [io.BytesIO() for _ in range(2)]
+    with h5py.File(files[0], "w") as file:
+        file["gps/time"], file["gps/lat"], file["gps/lon"], file["imu/a"] = t, t, t, t[:3]
+        file["gps/lat"].attrs["scale_factor"] = 0.5
+    with h5py.File(files[1], "w") as file:
+        file["t"] = np.array([f"2024-05-04T08:00:{i + 10}Z" for i in range(12)], "S")
+        file.create_dataset("pos", data=np.column_stack([t, t]), chunks=(4, 2), compression="gzip")
+    return [file.getvalue() for file in files]
+
+
+@cache
+def _flights() -> Sequence[bytes]:
+    """Logs of PX4, of ArduPilot (binary and text) and of MAVLink."""
+    return [*_ulogs(), *_dataflashes(), *_tlogs()]
+
+
+@cache
+def _ulogs() -> Sequence[bytes]:
+    from oracle import ulog
+
+    start = ulog.header() + ulog.flags() + ulog.topic("vehicle_gps_position", ulog.GPS)
+    start += ulog.topic("vehicle_local_position", ulog.LOCAL)
+    start += ulog.subscription(0, "vehicle_gps_position")
+    start += ulog.subscription(1, "vehicle_local_position")
+    body = ulog.dropout(20)
+    for i in range(12):
+        time = 5_000_000 + i * 200_000
+        at = (480_000_000 + i, 115_000_000, 500_000)
+        body += ulog.data(0, ulog.GPS, time, time + 1_700_000_000_000_000, *at, 1.0, 2.0, 3, 9)
+        body += ulog.data(1, ulog.LOCAL, time, i, 4, -5, 1, 1, 0, True)
+    return [start + body, start.replace(ulog.flags(), ulog.flags(len(start)), 1) + body]
+
+
+@cache
+def _dataflashes() -> Sequence[bytes]:
+    from oracle import dataflash
+
+    types, labels = dataflash.NEW
+    rows = [
+        (i, i % 2, 3, 518_400_000 + i * 200, 2312, 9, 1.2, 48.1 + i / 1e5, 11.5, 512.25, 12.5, 90.0)
+        for i in range(12)
+    ]
+    head = dataflash.start() + dataflash.describe(130, "GPS", types, labels)
+    text = f"FMT, 128, 89, FMT, BBnNZ, Type\r\nFMT, 130, 50, GPS, {types}, {labels}\r\n"
+    return [
+        head + b"".join(dataflash.message(130, types, *row) for row in rows),
+        (text + "".join(dataflash.text("GPS", types, *row) for row in rows)).encode(),
+    ]
+
+
+@cache
+def _tlogs() -> Sequence[bytes]:
+    from oracle import mavlink
+
+    frames = [
+        mavlink.frame(1_700_000_000 + i, number, payload, version, signed=signed)
+        for i in range(12)
+        for number, payload, version, signed in (
+            (mavlink.GPS, mavlink.gps(48 + i / 1e5, 11), 1, False),
+            (mavlink.GLOBAL, mavlink.position(48 + i / 1e5, 11), 2, i % 2 == 1),
+        )
+    ]
+    return [b"".join(frames), frames[0]]
 
 
 @cache
@@ -534,6 +690,29 @@ def _archives() -> Sequence[bytes]:
     return [*files, _with_sections(files[0])]
 
 
+def _exact_logs(data: bytes) -> None:
+    from gpszip.lossless.logs import read_exact_logs
+
+    read_exact_logs(data).check()
+
+
+@cache
+def _exact_bodies() -> list[bytes]:
+    """Logs that are kept byte by byte."""
+    from gpszip.lossless.logs import write_exact_logs
+
+    rows = [f"{i},{i * i % 97}.50,2024-05-{i % 30 + 1:02}T07:08:09Z,a{i:03}\n" for i in range(80)]
+    logs = [{"a.csv": "".join(rows)}, {"b": "x\n" * 9, "c": "", "d": "7,-0.0\n7,1e-05\n"}]
+    bodies = []
+    for texts in logs:
+        sink = io.BytesIO()
+        write_exact_logs(
+            [(name, lambda text=text: [text.encode()]) for name, text in texts.items()], sink
+        )
+        bodies.append(sink.getvalue())
+    return bodies
+
+
 def _with_sections(small: bytes) -> bytes:
     """Write an archive in the form of large ones."""
     from dataclasses import replace
@@ -666,13 +845,28 @@ TARGETS = {
     "fit": Target(_log("fit", skip_bad=True, sort=True, keep=("hr",)), _fits, mutations.BINARY),
     "nmea": Target(_log("nmea", keep=("alt", "speed"), sort=True), _texts(NMEA)),
     "nmea, stored": Target(_stored(format="nmea", split=True), _texts(NMEA)),
+    "owntracks": Target(_log("owntracks", keep=("speed",), sort=True), _texts(OWNTRACKS)),
+    "igc": Target(_log("igc", keep=("alt", "fxa"), sort=True), _texts(IGC)),
+    "plt": Target(_log("plt", keep=("alt",), sort=True), _texts(PLT)),
+    "readsb": Target(_log("readsb", keep=("alt", "speed"), sort=True), _texts(READSB)),
+    "ais": Target(_log("ais", keep=("Heading", "SOG"), sort=True), _texts(AIS)),
+    "sumo": Target(_log("sumo", keep=("speed", "edge"), sort=True), _texts(SUMO)),
+    "carmen": Target(_log("carmen", keep=("heading",), sort=True), _texts(CARMEN)),
+    "npz": Target(_log("npz", sort=True), _arrays, mutations.BINARY),
+    "hdf5": Target(_log("hdf5", sort=True), _hdf5s, mutations.BINARY),
+    "ulog": Target(_log("ulog", skip_bad=True, sort=True), _ulogs, mutations.BINARY),
+    "dataflash": Target(_log("dataflash", keep=("alt",), sort=True), _dataflashes),
+    "tlog": Target(_log("tlog", keep=("speed",), sort=True), _tlogs, mutations.BINARY),
     "any log": Target(
         _log(None, skip_bad=True),
         lambda: [
             *_texts(CSV + GPX + KML + TCX + GEOJSON + NMEA + TUM + EUROC)(),
+            *_texts(OWNTRACKS + IGC + PLT + READSB + AIS + SUMO + CARMEN)(),
             *_histories(),
             *_fits(),
             *_parquets(),
+            *_arrays(),
+            *_flights(),
         ],
     ),
     "roads geojson": Target(_network(".geojson"), _texts(ROADS_GEOJSON)),
@@ -690,6 +884,7 @@ TARGETS = {
     "times": Target(_times, _texts(TIMES)),
     "times in text": Target(_times_in_text, _texts(("10,20.5,2024-05-04T08:00:00Z",))),
     "walks, plain": Target(_plain_walks, _payloads, mutations.BINARY),
+    "exact logs": Target(_exact_logs, _exact_bodies, mutations.BINARY),
     "archive": Target(_archive, _archives, mutations.BINARY),
     "archive, sealed": Target(_archive, _archives, mutations.BINARY, _apply_to_archive),
 }

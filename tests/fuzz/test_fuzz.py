@@ -20,7 +20,7 @@ from gpszip.errors import GPSZipError
 _SHARE = st.floats(0, 1, exclude_max=True)
 
 #: Targets that read a file or a stream by its name; others get text or bytes alone.
-WITHOUT_FILES = ("archive", "times in text", "walks")
+WITHOUT_FILES = ("archive", "exact logs", "times in text", "walks")
 TARGETS_WITH_FILES = [name for name in TARGETS if not name.startswith(WITHOUT_FILES)]
 
 

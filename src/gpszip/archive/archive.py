@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.archive.exact import find_exact_logs, find_kept
 from gpszip.archive.facts import count_facts, file_facts
 from gpszip.archive.frames import ArchiveFrames
 from gpszip.archive.pieces import (
@@ -21,13 +22,13 @@ from gpszip.archive.pieces import (
     time_range_of_piece,
 )
 from gpszip.archive.track_view import TrackView
-from gpszip.container.attributes import KeptColumns, read_attributes, read_column_names
+from gpszip.container.attributes import KeptColumns
 from gpszip.container.catalog import group_heads, stored_size
 from gpszip.container.contents import Contents, MapReference
-from gpszip.container.layout import SectionKind
 from gpszip.container.map_record import map_hash
 from gpszip.container.writer import archive_size, save, to_bytes
 from gpszip.errors import CorruptArchiveError, MapError, OptionError, UnknownTrackError
+from gpszip.lossless.kept import read_kept, read_kept_names
 from gpszip.model.clean_map import CleanMap
 from gpszip.model.error_bound import ErrorBound
 from gpszip.model.grid import QuantisationGrid, refined_grid, step_size
@@ -473,13 +474,55 @@ class Archive(ArchiveFrames):
             self._check_unit(times)
         return sampled
 
+    # The logs themselves.
+
+    @cached_property
+    def exact_names(self) -> tuple[str, ...]:
+        """Names of the logs that are kept byte by byte, in their order."""
+        logs = find_exact_logs(self.contents)
+        return () if logs is None else tuple(log.name for log in logs.logs)
+
+    def exact_log(self, name: str, first: int = 0, count: int | None = None) -> bytes:
+        """Bytes of a log that is kept exactly.
+
+        Parameters
+        ----------
+        name : str
+            One of :attr:`exact_names`.
+        first : int, default 0
+            First byte.
+        count : int, optional
+            Number of bytes; by default all up to the end. Only the blocks that hold them are
+            decoded.
+
+        Raises
+        ------
+        OptionError
+            If there is no such log.
+        CorruptArchiveError
+            If its bytes are damaged.
+
+        Examples
+        --------
+        >>> import gpszip
+        >>> gpszip.compress(gpszip.Track("0", [0, 1], [[0, 0], [1, 1]]), rmse=1).exact_names
+        ()
+        """
+        if name not in self.exact_names:
+            raise OptionError(
+                f"no log {name!r} is kept exactly", remedy="exact_names lists those that are"
+            )
+        logs = find_exact_logs(self.contents)
+        assert logs is not None
+        return b"".join(logs.read(self.exact_names.index(name), first, count))
+
     # What was kept of the samples.
 
     @cached_property
     def kept_columns(self) -> tuple[str, ...] | None:
         """Names of the log's further columns that are kept; None if not even the times are."""
-        body = self._attribute_section()
-        return None if body is None else read_column_names(body, len(self.ids))
+        found = find_kept(self.contents)
+        return None if found is None else read_kept_names(*found, len(self.ids))
 
     def sample_times(self, track: str) -> NDArray[np.float64]:
         """Times of a track's samples in seconds, exactly as they were read.
@@ -797,24 +840,15 @@ class Archive(ArchiveFrames):
 
     # Kept columns.
 
-    def _attribute_section(self) -> bytes | None:
-        bodies = [
-            extra.body for extra in self.contents.extras if extra.kind == SectionKind.ATTRIBUTES
-        ]
-        if len(bodies) > 1:
-            raise CorruptArchiveError("there are two sections of kept columns")
-        # The body may still be in the file; bytes reads it.
-        return bytes(bodies[0]) if bodies else None
-
     @cached_property
     def _kept_samples(self) -> KeptColumns:
-        body = self._attribute_section()
-        if body is None:
+        found = find_kept(self.contents)
+        if found is None:
             raise OptionError(
                 "the archive keeps neither columns nor the times of samples",
                 remedy="compress the log with keep or keep_times",
             )
-        return read_attributes(body, len(self.ids))
+        return read_kept(*found, len(self.ids))
 
     def _track_at_samples(self, name: str) -> Track:
         times = self.sample_times(name)

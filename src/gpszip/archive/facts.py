@@ -27,6 +27,7 @@ def file_facts(archive: Archive) -> dict[str, Any]:
         "time_step_s": step_size(grid.time),
         "layer": contents.layer,
         "kept": None if archive.kept_columns is None else list(archive.kept_columns),
+        "exact_logs": list(archive.exact_names),
         "map": None if contents.map is None else contents.map.hash.hex(),
         **error_bound_facts(archive.error_bound),
         "sampling_s": archive.sampling,

@@ -14,8 +14,8 @@ from gpszip.archive.create import new_archive, with_error_bound
 from gpszip.archive.renumber import number_on_known_map
 from gpszip.container.attributes import KeptColumns, encode_attributes
 from gpszip.container.contents import Section
-from gpszip.container.layout import SectionKind
 from gpszip.errors import OptionError
+from gpszip.lossless.kept import smaller_section
 from gpszip.model.error_bound import ErrorBound, rounded_bound, rounded_bounds
 from gpszip.model.grid_walks import GridWalk, GridWalks
 from gpszip.walks.quantised import merge_grid_walks
@@ -248,7 +248,7 @@ def _kept_section(
 
     joined_columns = {name: np.concatenate(values) for name, values in columns.items()}
     body = encode_attributes(KeptColumns(tuple(counts), np.concatenate(times), joined_columns))
-    return (Section(SectionKind.ATTRIBUTES, body),)
+    return (Section(*smaller_section(body, len(ids))),)
 
 
 def _joint_bound(bounds: Sequence[ErrorBound | None]) -> ErrorBound | None:

@@ -23,8 +23,8 @@ from gpszip.codec.end_kinds import MAX_QUOTIENT
 from gpszip.container.attributes import KeptColumns, encode_attributes
 from gpszip.container.catalog import group_heads
 from gpszip.container.contents import Section
-from gpszip.container.layout import SectionKind
 from gpszip.errors import OptionError
+from gpszip.lossless.kept import smaller_section
 from gpszip.model.error_bound import ErrorBound, rounded_bound
 from gpszip.model.grid import QuantisationGrid, step_size
 from gpszip.model.grid_walks import GridWalk, GridWalks, ends_of_walks
@@ -459,7 +459,7 @@ def _kept_section(
     chosen = np.concatenate(rows)
     columns = {name: values[chosen] for name, values in kept.columns.items()}
     body = encode_attributes(KeptColumns(tuple(counts), kept.times[chosen], columns))
-    return (Section(SectionKind.ATTRIBUTES, body),)
+    return (Section(*smaller_section(body, len(ids))),)
 
 
 def _bound_of_part(bound: ErrorBound | None, moved: float) -> ErrorBound | None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from contextlib import AbstractContextManager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,6 +32,7 @@ from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
+    from gpszip.container.contents import Section
     from gpszip.model import Listener, Options, Report
     from gpszip.model.log import Log
     from gpszip.model.selection import Selection
@@ -171,6 +172,17 @@ _BOUND_OPTIONS = {
 )
 @click.option("--keep-times", is_flag=True, help="Keep the times of the points exactly.")
 @click.option(
+    "--lossless",
+    is_flag=True,
+    help="Keep the logs themselves, too, byte by byte: decompress --exact returns them.",
+)
+@click.option(
+    "--rm",
+    "remove",
+    is_flag=True,
+    help="With --lossless: delete the logs once the archive is written and proved to hold them.",
+)
+@click.option(
     "--format",
     metavar="FORMAT",
     help="Format of the logs: LOG_FORMATS; by default found from the content.",
@@ -201,7 +213,7 @@ def command(
     --bytes or --ratio, an RMSE that suits the log is estimated, with a maximum of four times that,
     and printed. Exit code 3 says that points or logs were lost; the first lines name them.
     """
-    from gpszip.cli.output import check_output
+    from gpszip.cli.output import check_output, print_status
     from gpszip.cli.progress import progress_bar
     from gpszip.cli.summary import print_summary
 
@@ -209,6 +221,7 @@ def command(
     target = _output_name(target, logs, choices)
     selection = pop_selection(choices)
     options = _compress_options(choices)
+    _check_lossless(target, choices)
     extended = _archive_to_extend(target, choices)
     known_map = _open_map(choices)
     # An archive that is extended has to be replaced.
@@ -226,9 +239,11 @@ def command(
     with (
         progress_bar(quiet=quiet or settings.json) as listener,
         open_executor(*_executor_choices(choices)) as executor,
-        _open_log(logs, choices, options, selection, extended or known_map, listener) as log,
+        _open_sources(logs, choices) as sources,
+        _open_log(sources, choices, options, selection, extended or known_map, listener) as log,
     ):
-        work = _Work(_memory(choices), executor, listener)
+        extras = _exact_sections(sources, choices)
+        work = _Work(_memory(choices), executor, listener, extras)
         if extended is not None:
             archive, report = work.append(extended, log, options)
         else:
@@ -238,12 +253,17 @@ def command(
             updated_map = work.append(known_map, log, _map_options(options))[0]
         read_result = log.read_result
 
-    # Write the files, then print the summary.
-    _write(target, archive, choices["update_map"], updated_map, force=overwrite)
+        # Write the files; delete the logs once what was written is proved to hold them.
+        _write(target, archive, choices["update_map"], updated_map, force=overwrite)
+        removed = _remove(target, sources) if choices["remove"] else 0
+
+    # Print the summary.
     # Logs that come from files always have one.
     assert read_result is not None
     if settings.json or not quiet:
         print_summary(target, read_result, report, as_json=settings.json)
+        if removed and not settings.json:
+            print_status(f"{target}: holds every byte of the logs; deleted {removed:,}")
     return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
 
 
@@ -289,11 +309,12 @@ def _output_name(target: str | None, logs: tuple[str, ...], choices: dict[str, A
 
 @dataclass(frozen=True, eq=False)
 class _Work:
-    """The memory, the executor and the listener with which logs are compressed."""
+    """What logs are compressed with, and further sections of the archive."""
 
     memory: int | None
     executor: Executor | None
     listener: Listener | None
+    extras: tuple[Section, ...] = ()
 
     def compress(self, log: Log, options: Options, map: Archive | None) -> tuple[Archive, Report]:
         """Compress a log, on the map of another archive if one is given."""
@@ -304,6 +325,7 @@ class _Work:
             options,
             memory=self.memory,
             map=map,
+            extras=self.extras,
             executor=self.executor,
             progress=self.listener,
         )
@@ -322,8 +344,59 @@ class _Work:
         )
 
 
+def _check_lossless(target: str, choices: dict[str, Any]) -> None:
+    """Refuse options that don't go with logs that are kept exactly, or deleted."""
+    from gpszip.errors import OptionError
+
+    if choices["remove"] and not choices["lossless"]:
+        raise OptionError("--rm deletes logs", remedy="add --lossless, which keeps every byte")
+    if choices["remove"] and target == "-":
+        raise OptionError(
+            "--rm: standard output can't be read back to prove that it holds the logs",
+            remedy="name a file with -o",
+        )
+    if choices["lossless"] and choices["append"]:
+        raise OptionError(
+            "--lossless and --append were both given",
+            remedy="compress all logs together, or make another archive",
+        )
+
+
+def _open_sources(
+    logs: tuple[str, ...], choices: dict[str, Any]
+) -> AbstractContextManager[Sequence[Any]]:
+    """Find the logs; those that are kept exactly are read twice, so that streams are stored."""
+    if not choices["lossless"]:
+        return nullcontext(logs)
+    from gpszip.io.logs.formats import is_bundle
+    from gpszip.io.storage.source import spooled
+
+    return spooled(logs, unzip=is_bundle)
+
+
+def _exact_sections(sources: Sequence[Any], choices: dict[str, Any]) -> tuple[Section, ...]:
+    """The section of the logs that are kept exactly, where any are."""
+    if not choices["lossless"]:
+        return ()
+    from gpszip.pipeline.exact_logs import check_removable, exact_section
+
+    if choices["remove"]:
+        check_removable(sources)
+    return (exact_section(sources),)
+
+
+def _remove(target: str, sources: Sequence[Any]) -> int:
+    """Delete logs that the written archive holds; return how many."""
+    from gpszip.cli.archives import open_archive_file
+    from gpszip.pipeline.exact_logs import check_exact, remove_sources
+
+    with open_archive_file(target) as archive:
+        check_exact(archive, sources)
+    return remove_sources(sources)
+
+
 def _open_log(
-    logs: Iterable[Any],
+    logs: Sequence[Any],
     choices: dict[str, Any],
     options: Options,
     selection: Selection,

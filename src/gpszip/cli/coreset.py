@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.cli.engine import engine_options, open_executor
+from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import (
     Settings,
     common_options,
@@ -39,7 +40,7 @@ _ROWS_IN_MEMORY = 1 << 20
 _MAX_USEFUL_EPS = 10
 
 
-@click.command("coreset", short_help="Make the (k, eps)-coreset of logs.")
+@click.command("coreset", cls=CommandWithFormats, short_help="Make the (k, eps)-coreset of logs.")
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True)
 @output_option("coreset.parquet")
 @click.option("--size", type=click.IntRange(1), help="Largest number of blocks.")

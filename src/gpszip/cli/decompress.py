@@ -53,6 +53,12 @@ __all__ = ["command"]
     is_flag=True,
     help="Write positions at the log's own times, with the columns that --keep kept.",
 )
+@click.option(
+    "--exact",
+    is_flag=True,
+    help="Write the logs that --lossless kept, byte by byte; several go into the folder -o.",
+)
+@click.option("--log", "log_name", metavar="NAME", help="With --exact: only the log of this name.")
 @selection_options
 @click.option(
     "--format",
@@ -71,6 +77,8 @@ def command(
     every: float | None,
     at: str | None,
     samples: bool,
+    exact: bool,
+    log_name: str | None,
     kind: str | None,
     map_name: str | None,
     force: bool,
@@ -91,9 +99,14 @@ def command(
     from gpszip.model.error_bound import writing_error
 
     # Refuse what can be refused before the archive is read.
-    target = output_name(target, [archive], ".csv", "walks.csv")
     at_times = _find_times_option(every, at, samples)
     selection = pop_selection(selecting)
+    if exact:
+        _check_exact_options(at_times, selection, kind)
+        return _write_exact(settings, archive, target, log_name, force=force)
+    if log_name is not None:
+        raise OptionError("--log names a log that is kept exactly", remedy="add --exact")
+    target = output_name(target, [archive], ".csv", "walks.csv")
     times = None if at is None else parse_times(at)
     log_format = format_for_writing(target, kind)
     check_output(target, force=force, binary=log_format.is_binary)
@@ -142,6 +155,42 @@ def command(
     elif target != "-":
         noun = "positions" if at_times else "knots"
         print_status(f"{target}: {points:,} {noun}, pieces {len(tracks):,}")
+    return Outcome.DONE
+
+
+def _check_exact_options(at_times: str | None, selection: Selection, kind: str | None) -> None:
+    """Refuse options that choose or change points."""
+    from gpszip.errors import OptionError
+
+    options = {
+        at_times: at_times is not None,
+        "--track": selection.tracks,
+        "--since or --until": selection.has_times,
+        "--bbox": selection.bbox is not None,
+        "--format": kind is not None,
+    }
+    for option, is_given in options.items():
+        if is_given:
+            raise OptionError(f"--exact and {option} were both given", remedy="give one")
+
+
+def _write_exact(
+    settings: Settings, archive: str, target: str | None, log_name: str | None, *, force: bool
+) -> Outcome:
+    """Write the logs that the archive keeps byte by byte."""
+    from gpszip.cli.archives import open_archive_file
+    from gpszip.cli.output import print_json, print_status
+    from gpszip.pipeline.exact_logs import exact_logs, find_log, write_logs
+
+    with open_archive_file(archive) as source:
+        logs = exact_logs(source)
+        numbers = range(len(logs.logs)) if log_name is None else [find_log(logs, log_name)]
+        written = write_logs(logs, numbers, target, force=force)
+    if settings.json:
+        print_json({"output": target, "logs": len(written)}, err=target == "-")
+    elif target != "-":
+        for path, size in written.items():
+            print_status(f"{path}: {size:,} bytes")
     return Outcome.DONE
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 import click
 
+from gpszip.cli.help_sections import write_sections
 from gpszip.errors import GPSZipError
 
 __all__ = ["CommandWithFormats"]
@@ -67,6 +68,10 @@ class CommandWithFormats(click.Command):
             if isinstance(parameter, click.Option):
                 parameter.help = _fill(parameter.help)
         super().format_help(ctx, formatter)
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options, in sections if there are many."""
+        write_sections(self.get_params(ctx), ctx, formatter)
 
 
 def _fill(text: str | None) -> str | None:

@@ -129,7 +129,7 @@ def _summary_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("error bound", _describe_error_bound(facts)))
     if facts["sampling_s"]:
         rows.append(("sampling", f"about every {facts['sampling_s']:.2g} s"))
-    return [*rows, *_kept_rows(facts["kept"])]
+    return [*rows, *_kept_rows(facts["kept"], facts["exact_logs"])]
 
 
 def _detail_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
@@ -179,8 +179,11 @@ def _describe_error_bound(facts: dict[str, Any]) -> str:
     return text
 
 
-def _kept_rows(kept: list[str] | None) -> list[tuple[str, str]]:
+def _kept_rows(kept: list[str] | None, exact_logs: list[str]) -> list[tuple[str, str]]:
     """Return the lines about what is kept of the samples, and what is not."""
+    # Logs that are kept byte by byte hold everything.
+    if exact_logs:
+        return [("kept", f"every byte of the logs{_list_ids(exact_logs)}")]
     if kept is None:
         return [("not kept", "further columns, and the exact times of the samples")]
     return [("kept", ", ".join(["times of the samples", *kept])), ("not kept", "other columns")]

@@ -9,6 +9,7 @@ import click
 from gpszip.cli.completing import complete_files
 from gpszip.cli.options import Settings, common_options, force, map_option, output_option
 from gpszip.cli.outcome import Outcome
+from gpszip.cli.select import warn_of_exact_logs
 
 __all__ = ["command"]
 
@@ -48,6 +49,7 @@ def command(
     with ExitStack() as stack:
         opened = [stack.enter_context(open_archive_file(name, map_name)) for name in archives]
         whole = join(opened, names=archives)
+        with_logs = [name for name, part in zip(archives, opened, strict=True) if part.exact_names]
     write_archive(target, whole, force=force)
 
     # Say what was written.
@@ -59,4 +61,6 @@ def command(
         print_status(
             f"{target}: {tracks} of {len(archives):,} archives, {format_bytes(whole.size)}"
         )
+    if with_logs:
+        warn_of_exact_logs(" and ".join(with_logs))
     return Outcome.DONE

@@ -57,6 +57,7 @@ _COMMANDS = (
     "view",
     "info",
     "verify",
+    "diff",
     "recover",
     "warm",
     "demo",

@@ -58,10 +58,19 @@ def command(
     # Select, and write.
     with open_archive_file(archive, map_name) as whole:
         part = select_from(whole, selection)
-        tracks = len(whole)
+        tracks, has_logs = len(whole), bool(whole.exact_names)
     write_archive(target, part, force=force)
     print_parts([(target, len(part), part.size)], tracks, settings)
+    if has_logs:
+        warn_of_exact_logs(archive)
     return Outcome.DONE
+
+
+def warn_of_exact_logs(archive: str) -> None:
+    """Say that the logs which --lossless kept are in none of the new archives."""
+    from gpszip.cli.output import print_status
+
+    print_status(f"gpszip: logs kept by --lossless are not copied: keep {archive}")
 
 
 def print_parts(parts: list[tuple[str, int, int]], tracks: int, settings: Settings) -> None:

@@ -11,7 +11,7 @@ import click
 
 from gpszip.cli.options import Settings, archive_argument, common_options, force, map_option
 from gpszip.cli.outcome import Outcome
-from gpszip.cli.select import print_parts
+from gpszip.cli.select import print_parts, warn_of_exact_logs
 from gpszip.cli.units import DURATION
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def command(
     # Cut the archive, and refuse files that exist before the first one is written.
     with open_archive_file(archive, map_name) as whole:
         parts = list(_parts(whole, by, stem))
-        tracks = len(whole)
+        tracks, has_logs = len(whole), bool(whole.exact_names)
     _make_folder(folder)
     for name, _ in parts:
         check_output(str(folder / name), force=force, binary=True)
@@ -102,6 +102,8 @@ def command(
         part.save(path, force=force)
         written.append((str(path), len(part), part.size))
     print_parts(written, tracks, settings)
+    if has_logs:
+        warn_of_exact_logs(archive)
     return Outcome.DONE
 
 

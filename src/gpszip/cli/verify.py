@@ -16,7 +16,11 @@ __all__ = ["command"]
 @common_options
 @click.pass_obj
 def command(settings: Settings, archive: str, map_name: str | None) -> Outcome:
-    """Check every byte of ARCHIVE and decode its walks; a corrupt archive ends with exit code 4."""
+    """Check every byte of ARCHIVE, and decode its walks and the logs that it keeps exactly.
+
+    A corrupt archive ends with exit code 4.
+    """
+    from gpszip.archive.exact import find_exact_logs
     from gpszip.cli.archives import explain_corruption, open_archive_bytes, read_archive_bytes
     from gpszip.cli.output import print_json
 
@@ -28,6 +32,9 @@ def command(settings: Settings, archive: str, map_name: str | None) -> Outcome:
         source = open_archive_bytes(archive, data, map_name)
         knots = sum(len(walk.nodes) for walk in source.grid_walks.walks)
         tracks = len(source.ids)
+        exact = find_exact_logs(source.contents)
+        if exact is not None:
+            exact.check()
 
     # Say what was found.
     if settings.json:

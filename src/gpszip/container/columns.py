@@ -32,6 +32,8 @@ __all__ = [
     "Column",
     "Values",
     "as_column",
+    "count_digits",
+    "scaled",
     "write_column",
 ]
 
@@ -180,17 +182,23 @@ def _float_bits(column: Column) -> Iterator[_Ints]:
 
 def _write_floats(column: Column, sink: BinaryIO) -> None:
     """Write a column of numbers, as decimals if that is exact."""
-    digits, holes = _count_digits(column)
+    digits, holes = count_digits(column)
     # No number of digits is exact: keep the bits of each number.
     if digits is None:
         _write_numbers(BITS, lambda: _float_bits(column), sink)
         return
     write_holes = (lambda: _pack_holes(column, sink)) if holes else None
-    _write_numbers(1 + digits, lambda: _scaled(column, digits), sink, write_holes, holes=holes)
+    _write_numbers(1 + digits, lambda: scaled(column, digits), sink, write_holes, holes=holes)
 
 
-def _count_digits(column: Column) -> tuple[int | None, bool]:
-    """Fewest digits after the point that are exact, or None, and whether any number is missing."""
+def count_digits(column: Column) -> tuple[int | None, bool]:
+    """Fewest digits after the point that are exact, or None, and whether any number is missing.
+
+    Parameters
+    ----------
+    column : Column
+        Of numbers.
+    """
     possible, holes = list(range(_MAX_DIGITS + 1)), False
     for values in column.chunks():
         numbers = values[~np.isnan(values)].astype(np.float64)
@@ -211,7 +219,7 @@ def _is_exact(numbers: NDArray[np.float64], digits: int) -> bool:
     return bool(((np.abs(scaled) < _MAX_EXACT) & (scaled / 10.0**digits == numbers)).all())
 
 
-def _scaled(column: Column, digits: int) -> Iterator[_Ints]:
+def scaled(column: Column, digits: int) -> Iterator[_Ints]:
     """Decimals as integers; a missing one is filled with the one before it."""
     before = 0
     for values in column.chunks():

@@ -93,6 +93,8 @@ class SectionKind(IntEnum):
     INDEX = 6  # where each group lies
     END = 7  # offset of the index, checksum of checksums
     ERROR_BOUND = 8  # error bound and sampling
+    EXACT_LOGS = 9  # the logs, byte by byte
+    CODED_ATTRIBUTES = 10  # kept times and columns, by the coder of lossless columns
 
 
 @dataclass(frozen=True)

@@ -205,15 +205,16 @@ def _read_extras(
 ) -> tuple[Section, ...]:
     """Further sections; kept attributes are those of all tracks, and lost with any of them."""
     # Kinds above those known here are of later versions.
+    kept = {SectionKind.ATTRIBUTES, SectionKind.CODED_ATTRIBUTES}
     extras = tuple(
         Section(section.kind, section.body)
         for section in sections
         if section.kind == SectionKind.ATTRIBUTES or section.kind > SectionKind.ERROR_BOUND
     )
-    if has_all_tracks or all(extra.kind != SectionKind.ATTRIBUTES for extra in extras):
+    if has_all_tracks or all(extra.kind not in kept for extra in extras):
         return extras
     lost.append("kept columns and times of samples, as they stand for all tracks together")
-    return tuple(extra for extra in extras if extra.kind != SectionKind.ATTRIBUTES)
+    return tuple(extra for extra in extras if extra.kind not in kept)
 
 
 def _read_error_bound(

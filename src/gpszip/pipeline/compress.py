@@ -18,6 +18,7 @@ from gpszip.archive import (
     with_sections,
 )
 from gpszip.codec.numbering import number_by_visit
+from gpszip.container.contents import Section
 from gpszip.errors import BoundError
 from gpszip.model import GridWalk, GridWalks, Listener, Options, Report, Track
 from gpszip.model.grid import step_size
@@ -69,6 +70,7 @@ def compress(
     *,
     memory: int | None = None,
     map: Archive | None = None,
+    extras: Sequence[Section] = (),
     executor: Executor | None = None,
     progress: Listener | None = None,
 ) -> tuple[Archive, Report]:
@@ -91,6 +93,8 @@ def compress(
         processes that work for it take no more each.
     map : Archive, optional
         Known map: tracks become walks on it, and only what it lacks is learned.
+    extras : sequence of Section, optional
+        Further sections of the archive, such as logs that are kept exactly.
     executor : Executor, optional
         Spreads the work, by default over a thread for each core. The archive is the same for
         any number of workers.
@@ -122,6 +126,7 @@ def compress(
     if map is not None:
         log = on_plane_of(map, log, options)
     job = prepare(log, options, memory=memory, map=map, executor=executor, progress=progress)
+    job = replace(job, extras=(*job.extras, *extras))
 
     # Learn and measure until the bound, or the size, is reached.
     if job.options.size is None:
@@ -169,11 +174,11 @@ def _within_size(job: Job, size: int) -> tuple[Archive, ErrorSummary]:
     """Search the smallest RMSE whose archive takes at most ``size`` bytes."""
     from gpszip.mapping.noise import extent_rmse, suggest_rmse
 
-    # Columns that are kept take the same bytes at any error.
+    # What is kept exactly takes the same bytes at any error.
     columns = sum(len(section.body) for section in job.extras)
     if size <= columns:
         raise BoundError(
-            f"{size:,} bytes are too few for this log: the columns kept alone take {columns:,}",
+            f"{size:,} bytes are too few for this log: what is kept exactly takes {columns:,}",
             remedy="allow more, or keep less",
         )
 

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import tempfile
-import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, BinaryIO, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +13,13 @@ from numpy.typing import NDArray
 from gpszip.archive import Archive
 from gpszip.container.attributes import write_attributes
 from gpszip.container.columns import Column, Values, as_column
-from gpszip.container.contents import Section, SpooledBytes
+from gpszip.container.contents import Section
 from gpszip.container.layout import SectionKind
 from gpszip.errors import OptionError
-from gpszip.io.storage.temporary import disk_errors_as_output_errors
+from gpszip.lossless.kept import smaller_section
 from gpszip.model import Options, Track
 from gpszip.model.log import Log, MemoryLog
+from gpszip.pipeline.spooled_section import spooled_section
 from gpszip.pipeline.validate import check_names
 
 if TYPE_CHECKING:
@@ -30,8 +28,9 @@ if TYPE_CHECKING:
 
 __all__ = ["extended_sections", "kept_sections"]
 
-#: Bytes up to which a section stays in memory; a larger one goes to a temporary file.
-_MAX_IN_MEMORY = 1 << 24
+
+#: Values up to which columns are coded in memory, in about 100 bytes each.
+_MAX_CODED = 1 << 21
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +94,9 @@ def extended_sections(archive: Archive, log: Log, options: Options) -> tuple[Sec
     """
     # Leave all other sections as they are; without times of samples there are no columns.
     others = tuple(
-        section for section in archive.contents.extras if section.kind != SectionKind.ATTRIBUTES
+        section
+        for section in archive.contents.extras
+        if section.kind not in {SectionKind.ATTRIBUTES, SectionKind.CODED_ATTRIBUTES}
     )
     if not options.keep_times:
         return others
@@ -204,17 +205,13 @@ def _stored_rows(
 
 def _section(counts: Sequence[int], times: Column, columns: Mapping[str, Column]) -> Section:
     """Encode columns of any length; a large section stays in a temporary file."""
-    with disk_errors_as_output_errors(), ExitStack() as stack:
-        file = cast(
-            BinaryIO,
-            stack.enter_context(tempfile.SpooledTemporaryFile(_MAX_IN_MEMORY, prefix="gpszip-")),
-        )
-        write_attributes(counts, times, columns, file)
-        body = SpooledBytes(file, file.tell())
-        if len(body) <= _MAX_IN_MEMORY:
-            return Section(SectionKind.ATTRIBUTES, bytes(body))
-        weakref.finalize(body, stack.pop_all().close)
-        return Section(SectionKind.ATTRIBUTES, body)
+    section = spooled_section(
+        SectionKind.ATTRIBUTES, lambda sink: write_attributes(counts, times, columns, sink)
+    )
+    # Columns too many for memory stay as they are.
+    if isinstance(section.body, bytes) and sum(counts) * (1 + len(columns)) <= _MAX_CODED:
+        return Section(*smaller_section(section.body, len(counts)))
+    return section
 
 
 def _refuse_shapes(log: Log) -> None:

@@ -7,10 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.container.attributes import KeptColumns, encode_attributes, read_attributes
+from gpszip.archive.exact import find_kept
+from gpszip.container.attributes import KeptColumns, encode_attributes
 from gpszip.container.contents import Section
 from gpszip.container.layout import SectionKind
 from gpszip.errors import OptionError
+from gpszip.lossless.kept import read_kept, smaller_section
 from gpszip.pipeline.merge_sources import MergeSource
 
 __all__ = ["merge_columns"]
@@ -41,21 +43,15 @@ def merge_columns(
         If a column holds texts in one archive and numbers in another.
     """
     # Find the section of kept columns in each archive; without any there is nothing to join.
-    bodies = [
-        [
-            section.body
-            for section in source.archive.contents.extras
-            if section.kind == SectionKind.ATTRIBUTES
-        ]
-        for source in sources
-    ]
+    bodies = [find_kept(source.archive.contents) for source in sources]
+    exact_notes = _notes_on_exact_logs(sources)
     if not any(bodies):
-        return (), ()
+        return (), exact_notes
 
     # The table of each archive; empty where it keeps none.
     tables = [
-        read_attributes(bytes(body[0]), len(source.ids))
-        if body
+        read_kept(*body, len(source.ids))
+        if body is not None
         else KeptColumns((0,) * len(source.ids), np.zeros(0))
         for source, body in zip(sources, bodies, strict=True)
     ]
@@ -79,7 +75,16 @@ def merge_columns(
         notes.append(f"only some archives keep {', '.join(missing)}: the others' samples have none")
     if not all(bodies):
         notes.append("only some archives keep the times of samples")
-    return (Section(SectionKind.ATTRIBUTES, encode_attributes(kept)),), tuple(notes)
+    section = Section(*smaller_section(encode_attributes(kept), len(ids)))
+    return (section,), (*notes, *exact_notes)
+
+
+def _notes_on_exact_logs(sources: Sequence[MergeSource]) -> tuple[str, ...]:
+    """Say that logs kept byte by byte stay in the archives that are merged."""
+    extras = [extra for source in sources for extra in source.archive.contents.extras]
+    if all(extra.kind != SectionKind.EXACT_LOGS for extra in extras):
+        return ()
+    return ("logs kept exactly are not merged: keep the archives that hold them",)
 
 
 def _rows_by_track(

@@ -183,5 +183,13 @@ def _segment_mean() -> None:
     ward(track_sums(long), np.arange(0, 4003, 2), 4)
 
 
+def _keep_logs() -> None:
+    from gpszip.container.layout import Cursor
+    from gpszip.lossless.text import decode_block, encode_block
+
+    text = b"".join(b"%d,%d\n" % (i, i * i % 7) for i in range(9))
+    decode_block(Cursor(encode_block(text)), len(text))
+
+
 #: What calls all kernels, the longest first.
-TASKS = (_learn_maps, _follow_roads, _sketch)
+TASKS = (_learn_maps, _follow_roads, _sketch, _keep_logs)

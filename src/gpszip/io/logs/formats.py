@@ -180,6 +180,117 @@ ROS = LogFormat(
     takes=("topics", "frame"),
 )
 
+OWNTRACKS = LogFormat(
+    name="owntracks",
+    suffixes=(".rec",),
+    description="locations of OwnTracks Recorder, by the time of the phone",
+    sniff=deferred("gpszip.io.logs.owntracks", "sniff_owntracks"),
+    read=deferred("gpszip.io.logs.owntracks", "read_owntracks"),
+    read_batches=deferred("gpszip.io.logs.owntracks", "read_owntracks_batches"),
+)
+
+IGC = LogFormat(
+    name="igc",
+    suffixes=(".igc",),
+    description="flights of gliders and paragliders; extensions with --keep",
+    sniff=deferred("gpszip.io.logs.igc", "sniff_igc"),
+    read=deferred("gpszip.io.logs.igc", "read_igc"),
+    read_batches=deferred("gpszip.io.logs.igc", "read_igc_batches"),
+)
+
+PLT = LogFormat(
+    name="plt",
+    suffixes=(".plt",),
+    description="tracks of GeoLife and OziExplorer",
+    sniff=deferred("gpszip.io.logs.plt", "sniff_plt"),
+    read=deferred("gpszip.io.logs.plt", "read_plt"),
+    read_batches=deferred("gpszip.io.logs.plt", "read_plt_batches"),
+)
+
+READSB = LogFormat(
+    name="readsb",
+    suffixes=(),
+    description="traces of aircraft of readsb and tar1090; JSON",
+    sniff=deferred("gpszip.io.logs.readsb", "sniff_readsb"),
+    read=deferred("gpszip.io.logs.readsb", "read_readsb"),
+    read_batches=deferred("gpszip.io.logs.readsb", "read_readsb_batches"),
+)
+
+AIS = LogFormat(
+    name="ais",
+    suffixes=(),
+    description="positions of ships, Danish and American CSV; each MMSI is a track",
+    sniff=deferred("gpszip.io.logs.ais", "sniff_ais"),
+    read=deferred("gpszip.io.logs.ais", "read_ais"),
+    read_batches=deferred("gpszip.io.logs.ais", "read_ais_batches"),
+)
+
+SUMO = LogFormat(
+    name="sumo",
+    suffixes=(),
+    description="floating car data of SUMO: vehicles and persons; XML",
+    sniff=deferred("gpszip.io.logs.sumo", "sniff_sumo"),
+    read=deferred("gpszip.io.logs.sumo", "read_sumo"),
+    read_batches=deferred("gpszip.io.logs.sumo", "read_sumo_batches"),
+)
+
+CARMEN = LogFormat(
+    name="carmen",
+    suffixes=(".carmen", ".clf"),
+    description="poses of robots: FLASER, ROBOTLASER1 or ODOM",
+    sniff=deferred("gpszip.io.logs.carmen", "sniff_carmen"),
+    read=deferred("gpszip.io.logs.carmen", "read_carmen"),
+    read_batches=deferred("gpszip.io.logs.carmen", "read_carmen_batches"),
+)
+
+NPZ = LogFormat(
+    name="npz",
+    suffixes=(".npz", ".npy"),
+    description="arrays of NumPy by name, as columns of CSV; --columns",
+    sniff=deferred("gpszip.io.logs.npz", "sniff_npz"),
+    read=deferred("gpszip.io.logs.npz", "read_npz"),
+    is_binary=True,
+)
+
+HDF5 = LogFormat(
+    name="hdf5",
+    suffixes=(".h5", ".hdf5", ".hdf"),
+    description="datasets of one group, as columns of CSV; --columns with paths",
+    sniff=deferred("gpszip.io.logs.hdf5", "sniff_hdf5"),
+    read=deferred("gpszip.io.logs.hdf5", "read_hdf5"),
+    read_batches=deferred("gpszip.io.logs.hdf5", "read_hdf5_batches"),
+    is_binary=True,
+    extra="hdf5",
+)
+
+ULOG = LogFormat(
+    name="ulog",
+    suffixes=(".ulg",),
+    description="flights of PX4: GPS, or else estimated positions",
+    sniff=deferred("gpszip.io.logs.ulog", "sniff_ulog"),
+    read=deferred("gpszip.io.logs.ulog", "read_ulog"),
+    is_binary=True,
+)
+
+DATAFLASH = LogFormat(
+    name="dataflash",
+    suffixes=(".bin", ".log"),
+    description="flights of ArduPilot, binary or text; each receiver is a track",
+    sniff=deferred("gpszip.io.logs.dataflash", "sniff_dataflash"),
+    read=deferred("gpszip.io.logs.dataflash", "read_dataflash"),
+    read_batches=deferred("gpszip.io.logs.dataflash", "read_dataflash_batches"),
+    is_binary=True,
+)
+
+TLOG = LogFormat(
+    name="tlog",
+    suffixes=(".tlog",),
+    description="telemetry of MAVLink: GPS, or else estimated positions",
+    sniff=deferred("gpszip.io.logs.tlog", "sniff_tlog"),
+    read=deferred("gpszip.io.logs.tlog", "read_tlog"),
+    is_binary=True,
+)
+
 CSV = LogFormat(
     name="csv",
     suffixes=(".csv", ".tsv", ".txt", ".tab"),
@@ -200,13 +311,25 @@ LOG_FORMATS: tuple[LogFormat, ...] = (
     TCX,
     GOOGLE,
     GOOGLE_PATHS,
+    READSB,
     GEOJSON,
     FIT,
+    OWNTRACKS,
+    IGC,
+    PLT,
+    ULOG,
+    DATAFLASH,
+    TLOG,
     NMEA,
     ROS,
     EUROC,
     TUM,
     KITTI,
+    NPZ,
+    HDF5,
+    SUMO,
+    CARMEN,
+    AIS,
     CSV,
 )
 

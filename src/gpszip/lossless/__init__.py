@@ -1,0 +1,1 @@
+"""Logs without loss: every column of numbers with the source's own digits."""

@@ -1,0 +1,273 @@
+"""Logs that an archive keeps byte by byte: storing, comparing and writing them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
+from itertools import zip_longest
+from pathlib import Path, PurePath
+
+from gpszip.archive import Archive
+from gpszip.archive.exact import find_exact_logs
+from gpszip.container.contents import Section
+from gpszip.container.layout import SectionKind
+from gpszip.errors import InputError, OptionError
+from gpszip.files.atomic_write import atomic_write_all
+from gpszip.files.os_errors import as_output_error
+from gpszip.io.storage.expansion import read_chunk
+from gpszip.io.storage.sink import open_sink
+from gpszip.io.storage.source import Source
+from gpszip.lossless.logs import ExactLogs, write_exact_logs
+from gpszip.pipeline.spooled_section import spooled_section
+
+__all__ = [
+    "check_exact",
+    "check_removable",
+    "exact_logs",
+    "exact_name",
+    "exact_section",
+    "find_log",
+    "remove_sources",
+    "write_logs",
+]
+
+#: Bytes that are read and compared at a time.
+_CHUNK_BYTES = 1 << 20
+
+#: Characters of a line that messages show.
+_MAX_SHOWN = 60
+
+
+def exact_section(sources: Sequence[Source | InputError]) -> Section:
+    """Store logs byte by byte.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        The logs; gzip files are stored unpacked.
+
+    Raises
+    ------
+    InputError
+        If a log can't be read: nothing of it could be kept.
+    OptionError
+        If two logs have the same name.
+    """
+    readable: list[Source] = []
+    for source in sources:
+        if isinstance(source, InputError):
+            raise source
+        readable.append(source)
+    names = [exact_name(source) for source in readable]
+    twice = next((name for i, name in enumerate(names) if name in names[:i]), None)
+    if twice is not None:
+        raise OptionError(
+            f"--lossless: two logs are named {twice!r}",
+            remedy="rename one, or make an archive for each folder",
+        )
+    logs = [(name, partial(_chunks, source)) for name, source in zip(names, readable, strict=True)]
+    return spooled_section(SectionKind.EXACT_LOGS, partial(write_exact_logs, logs))
+
+
+def exact_name(source: Source) -> str:
+    """Name under which a log is kept: that of its file, without folders and ``.gz``."""
+    name = PurePath(source.name.replace("\\", "/")).name or "log"
+    is_packed = name.lower().endswith(".gz") and source.is_gzip
+    return name[:-3] if is_packed and len(name) > 3 else name
+
+
+def exact_logs(archive: Archive) -> ExactLogs:
+    """Return the logs that an archive keeps byte by byte.
+
+    Raises
+    ------
+    OptionError
+        If it keeps none.
+    """
+    logs = find_exact_logs(archive.contents)
+    if logs is None:
+        raise OptionError(
+            "the archive keeps no log exactly", remedy="compress the log with --lossless"
+        )
+    return logs
+
+
+def find_log(logs: ExactLogs, name: str) -> int:
+    """Return the number of the log with a name.
+
+    Raises
+    ------
+    OptionError
+        If there is none.
+    """
+    names = [log.name for log in logs.logs]
+    if name not in names:
+        raise OptionError(
+            f"no log {name!r} is kept exactly", remedy=f"there are {', '.join(names)}"
+        )
+    return names.index(name)
+
+
+def check_exact(archive: Archive, sources: Sequence[Source | InputError]) -> int:
+    """Compare logs with what an archive keeps of them; return the number of bytes compared.
+
+    Parameters
+    ----------
+    archive : Archive
+        Keeps the logs exactly.
+    sources : sequence of Source
+        The logs. A single one is compared with the only log of the archive, whatever its name.
+
+    Raises
+    ------
+    InputError
+        If a log can't be read, or differs; the first line that does is named.
+    OptionError
+        If the archive does not keep a log.
+    """
+    logs = exact_logs(archive)
+    total = 0
+    for source in sources:
+        if isinstance(source, InputError):
+            raise source
+        is_only = len(sources) == 1 and len(logs.logs) == 1
+        number = 0 if is_only else find_log(logs, exact_name(source))
+        total += _compare(source, logs.read(number))
+    return total
+
+
+def write_logs(
+    logs: ExactLogs, numbers: Sequence[int], target: str | None, *, force: bool
+) -> dict[str, int]:
+    """Write logs to files, none of which appears before all are on disk.
+
+    Parameters
+    ----------
+    logs : ExactLogs
+        The logs.
+    numbers : sequence of int
+        Which of them.
+    target : str or None
+        File for a single log, ``-`` for standard output; a folder that exists, or is made, for
+        several. By default each log goes into the current folder, under its own name.
+    force : bool
+        Whether to replace files.
+
+    Returns
+    -------
+    dict of str to int
+        Bytes of each file written.
+
+    Raises
+    ------
+    OutputError
+        If a file exists, or can't be written.
+    CorruptArchiveError
+        If the archive is damaged.
+    """
+    names = [logs.logs[number].name for number in numbers]
+    if target == "-":
+        with open_sink("-") as sink:
+            for number in numbers:
+                sink.writelines(logs.read(number))
+        return {}
+
+    # Names of the files, and the folder that several need.
+    paths = [Path(name) for name in names]
+    if target is not None and (len(names) != 1 or Path(target).is_dir()):
+        with as_output_error(target):
+            Path(target).mkdir(parents=True, exist_ok=True)
+        paths = [Path(target) / name for name in names]
+    elif target is not None:
+        paths = [Path(target)]
+
+    with atomic_write_all(paths, force=force) as temporary_paths:
+        for number, path, name in zip(numbers, temporary_paths, names, strict=True):
+            with as_output_error(name), path.open("wb") as file:
+                file.writelines(logs.read(number))
+    return {str(path): logs.logs[number].size for path, number in zip(paths, numbers, strict=True)}
+
+
+def check_removable(sources: Sequence[Source | InputError]) -> None:
+    """Refuse to delete what was not named as a file, such as members of archives and folders.
+
+    Raises
+    ------
+    OptionError
+        If there are any.
+    """
+    for source in sources:
+        if isinstance(source, InputError):
+            raise source
+        if source.collection or source.path is None or str(source.path) != source.name:
+            raise OptionError(
+                f"--rm: {source.name} is no file by itself that could be deleted",
+                remedy="leave out --rm, or name files",
+            )
+
+
+def remove_sources(sources: Sequence[Source | InputError]) -> int:
+    """Delete the files of logs; return how many there were.
+
+    Raises
+    ------
+    OutputError
+        If one can't be deleted; those before it are.
+    """
+    paths = [source.path for source in sources if isinstance(source, Source)]
+    for path in paths:
+        assert path is not None
+        with as_output_error(str(path)):
+            path.unlink()
+    return len(paths)
+
+
+def _chunks(source: Source) -> Iterator[bytes]:
+    """Bytes of a log, unpacked."""
+    with source.open() as stream:
+        while chunk := read_chunk(stream, _CHUNK_BYTES):
+            yield chunk
+
+
+def _even(chunks: Iterable[bytes]) -> Iterator[bytes]:
+    """The same bytes in chunks of one size, but for the last."""
+    pending = b""
+    for chunk in chunks:
+        pending += chunk
+        while len(pending) >= _CHUNK_BYTES:
+            yield pending[:_CHUNK_BYTES]
+            pending = pending[_CHUNK_BYTES:]
+    if pending:
+        yield pending
+
+
+def _compare(source: Source, kept: Iterable[bytes]) -> int:
+    """Compare a log with the bytes kept of it; return how many there are."""
+    size, lines, line = 0, 0, b""
+    for there, here in zip_longest(_even(_chunks(source)), _even(kept), fillvalue=b""):
+        if there != here:
+            raise _difference(source, line + there, line + here, lines)
+        size += len(there)
+        lines += there.count(b"\n")
+        # The beginning of a line that goes on in the next chunk.
+        line = (line + there).rpartition(b"\n")[2][-_CHUNK_BYTES:]
+    return size
+
+
+def _difference(source: Source, there: bytes, here: bytes, lines: int) -> InputError:
+    """Describe the first line that differs, after so many lines before these bytes."""
+    pairs = zip_longest(there.split(b"\n"), here.split(b"\n"))
+    number, (log, archive) = next((i, pair) for i, pair in enumerate(pairs) if pair[0] != pair[1])
+    return InputError(
+        f"the log has {_shown(log)}, the archive {_shown(archive)}",
+        path=source.name,
+        location=f"line {lines + number + 1}",
+    )
+
+
+def _shown(line: bytes | None) -> str:
+    """A line for messages."""
+    if line is None:
+        return "no more lines"
+    text = line.decode("utf-8", "backslashreplace")
+    return repr(text if len(text) <= _MAX_SHOWN else text[:_MAX_SHOWN] + "...")

@@ -1,0 +1,118 @@
+"""Logs kept byte by byte: every later version reads them, and columns have the same bytes."""
+
+import numpy as np
+import pytest
+
+from gpszip.container.layout import Cursor
+from gpszip.lossless.columns import decode_column, encode_column
+from gpszip.lossless.logs import read_exact_logs
+
+
+def pseudorandom(count, limit, seed):
+    """Numbers of a linear congruential generator, the same in any version of NumPy."""
+    numbers = []
+    for _ in range(count):
+        seed = (seed * 6364136223846793005 + 1442695040888963407) % 2**64
+        numbers.append((seed >> 33) % limit)
+    return np.array(numbers, np.int64)
+
+
+TIMES = np.cumsum(1 + pseudorandom(90, 3, 1))
+X = np.cumsum(40 * (1 + pseudorandom(90, 3, 1)) + pseudorandom(90, 7, 2))
+Y = 3 * X + pseudorandom(90, 5, 3)
+STEPS = np.cumsum(np.array([0, 0, 5, 20])[pseudorandom(90, 4, 4)])
+FAR = np.concatenate([X[:45], X[45:] + 10**15])
+
+#: Columns, whether times and the column before help, and their bytes.
+COLUMNS = {
+    "times": (TIMES, False),
+    "near": (X, True),
+    "beside": (Y, True),
+    "exact": (STEPS, False),
+    "outlier": (FAR, True),
+}
+
+LOGS = {
+    "walk.csv": b"".join(
+        b"%d.000,%.3f,%d\n" % (t, x / 1000, y)
+        for t, x, y in zip(TIMES.tolist(), X.tolist(), Y.tolist(), strict=True)
+    ),
+    "note.txt": b"\xff\x00 no text",
+    "dates.csv": b"".join(
+        b"2024-02-%02dT07:08:%02d.50Z,-0.0\r\n" % (i % 29 + 1, i) for i in range(60)
+    ),
+    "empty": b"",
+}
+
+GOLDEN_COLUMNS = {
+    "times": "02060400000128156deae76e2e6792c131d6a5325b727d5e060421fbcf",
+    "near": (
+        "02fc01a601000006b80a2f82e1ff652065074238407abcf6d4dd3ab8179ee082a3b0c6007982a93f49dd0714"
+        "69749478ffe854c33e95bda365fb"
+    ),
+    "beside": (
+        "02fc05f203000007981f468cd8be97ea3d8a81dd7e0a4cca0f997ba7e77d99e522eeff4dc37fa232c933e40c"
+        "fa115366a0483eb5df5dca93f160dd4b294aa112364ea4667fbdbfa42582729aea8e22b30c"
+    ),
+    "exact": ("020a0000000108217e16a1a28fcdd484491321db7934fe311f7792d4568c47b0ab1c0e4f96acb50bd7"),
+    "outlier": (
+        "01fc0100230003b80a466bcde424abd94af4046dddb89501066b69d632f9e706719acba2a3798b71445d9791"
+        "3ac514000006561babf772564dfcdbfb96296a8dfb7c6ad3d650895b5384374e31249502"
+    ),
+}
+
+GOLDEN_BODY = (
+    "040877616c6b2e637376a00ddf0deb04086e6f74652e7478740adc009e020964617465732e637376880e181f"
+    "523a05656d7074790000000000b21b9e0501e00db102950000198c59663901f6512df5acc5e2fd5c67f50071"
+    "72e7e7bcdf4789f4535b44fbed8ba994722d17d5c8ffc3850642d9e6f10554cba74cd5064964f930b53a4142"
+    "3bb67190e1ecf59dda16957b6172ab2088c8b57204d99f73816abb72c3c415e286d6e939bfe4eb849c280f30"
+    "c9a2f6def3d850c2b9aa19e482a8d6ec133baa9188ca3a1de6d89d63e5322ccde13c59399fd6c7ed495f8c1d"
+    "fa0770ab0ad050e9f181ad60eab6cf7567c93b4369431fef05a7476d163ce8ace362de7890bd1a2179b118a0"
+    "6c0580db2004d1bcf805a0f183221ce1dec79d845fd0bf957fc4192bf0c870ca7d631b404299db7bd1e4e0c3"
+    "69988da47fe0fc59bdfe42d07f368d591fa89eeffb719116db207c2af9af546271610ee1716aa90880f91394"
+    "d6d3c4b712e3d4aa82353d949324e5a9c467357f7b51c04c4651a38cef12433fb78b51ecc0b1084ea7eee66b"
+    "8a349252415a66a12203c66783eeabc2ec4a00f063a493bb17405162da48d4683641f5cad3ebbc23aa438891"
+    "17c622db0cb129cb522443c9cfe061cb0911041c6a35c3ea8a92f050a3c80bf025bf1d61e08928bc3836d516"
+    "68804e7a73d3f41d229edfd5f9c40941beb4360382f6dd20806f88dce46ebe79762141f79ac65fa0c28da938"
+    "e9e67806f962fd9ca88a8230bbd27bca269bdeb4bdbab3bb5756097d5f0149b5cbf69634130f7c1886a5836f"
+    "e29ede2c157d6030adb1fed0a4d902af3726eaf5ecd350a710100656349872e5151a22d102be3a1b717dad76"
+    "ad28becd2a00109a32ab5afd852fa48e26ba1ad12626a5703e8a7f3f8043d66c62649fe980ab081949669538"
+    "a1f85bd5766606fdd82156ff14117ad8cfcbfa0d55f2dc6c853dba1dcfe954c93414cb79a3ce7eeed93094c0"
+    "e1ff5afdf8354be73a3e6b704254f70e76ce2e11599447bd540000"
+)
+
+
+def encoded():
+    """Bytes of all columns."""
+    times = encode_column(TIMES)[1]
+    found, before = {}, []
+    for name, (values, has_help) in COLUMNS.items():
+        data, column = encode_column(values, times if has_help else None, before * has_help)
+        found[name] = data
+        before = [column]
+    return found
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+def test_golden_columns_are_written(name):
+    assert encoded()[name].hex() == GOLDEN_COLUMNS[name]
+
+
+def test_golden_columns_are_read():
+    times = encode_column(TIMES)[1]
+    before = []
+    for name, (values, has_help) in COLUMNS.items():
+        cursor = Cursor(bytes.fromhex(GOLDEN_COLUMNS[name]))
+        known = times if has_help else None
+        back, column = decode_column(cursor, len(values), known, before * has_help)
+        assert np.array_equal(back, values)
+        before = [column]
+
+
+def test_golden_columns_are_of_both_orders():
+    assert {bytes.fromhex(data)[0] for data in GOLDEN_COLUMNS.values()} == {1, 2}
+
+
+def test_golden_logs_are_read():
+    found = read_exact_logs(bytes.fromhex(GOLDEN_BODY))
+    assert {log.name: b"".join(found.read(i)) for i, log in enumerate(found.logs)} == LOGS

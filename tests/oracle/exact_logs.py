@@ -1,0 +1,171 @@
+"""Plain reader of logs kept byte by byte, written from docs/format.md."""
+
+import lzma
+import zlib
+from datetime import datetime, timedelta
+from types import SimpleNamespace
+
+from oracle.lossless import ColumnDecoder
+
+FILTERS = [{"id": lzma.FILTER_LZMA2, "dict_size": 1 << 22}]
+DATES = {1: "%Y-%m-%dT%H:%M:%S", 2: "%Y-%m-%d %H:%M:%S", 3: "%Y/%m/%d %H:%M:%S", 4: "%H:%M:%S"}
+
+
+class Bytes:
+    def __init__(self, data):
+        self.data, self.at = data, 0
+
+    def take(self, count):
+        self.at += count
+        assert self.at <= len(self.data)
+        return self.data[self.at - count : self.at]
+
+    def u8(self):
+        return self.take(1)[0]
+
+    def varint(self):
+        value = place = 0
+        while True:
+            byte = self.u8()
+            value |= (byte & 127) << place
+            place += 7
+            if byte < 128:
+                return value
+
+    def signed(self):
+        v = self.varint()
+        return v // 2 if v % 2 == 0 else -(v + 1) // 2
+
+
+def read_logs(body):
+    """Bytes of each log by its name."""
+    source = Bytes(body)
+    heads = []
+    for _ in range(source.varint()):
+        name = source.take(source.varint()).decode()
+        heads.append((name, source.varint(), int.from_bytes(source.take(4), "little")))
+    text = b""
+    while len(text) < sum(size for _, size, _ in heads):
+        size = source.varint()
+        block = read_block(source.take(source.varint()))
+        assert len(block) == size
+        text += block
+    assert source.at == len(body)
+    logs = {}
+    for name, size, checksum in heads:
+        logs[name], text = text[:size], text[size:]
+        assert zlib.crc32(logs[name]) == checksum
+    return logs
+
+
+def read_block(block):
+    if block[0] == 0:
+        return block[1:]
+    if block[0] == 1:
+        return lzma.decompress(block[1:], format=lzma.FORMAT_RAW, filters=FILTERS)
+    source = Bytes(block[1:])
+    count, number, size = source.varint(), source.varint(), source.varint()
+    blob = Bytes(zlib.decompress(source.take(source.varint()), -15))
+    shapes = [blob.take(blob.varint()) for _ in range(number)]
+    assert blob.at == size
+    records = read_column(source, count).values
+
+    # Tokens of each record, from the tables.
+    kinds = [bytes(part[0] for part in shape.split(b"\xff")[1:]) for shape in shapes]
+    keys = kinds if number > 64 else list(range(number))
+    tokens = [[] for _ in records]
+    for key in dict.fromkeys(keys):
+        rows = [row for row, shape in enumerate(records) if keys[shape] == key]
+        fields = len(kinds[keys.index(key)])
+        if rows and fields:
+            columns = read_table(source, len(rows), fields)
+            for i, row in enumerate(rows):
+                tokens[row] = [column[i] for column in columns]
+    return b"".join(write(shapes[s], row) for s, row in zip(records, tokens, strict=True))
+
+
+def read_column(source, count, times=None, sides=()):
+    """Integers of a column, with its shift and classes of errors."""
+    if count == 0:
+        return SimpleNamespace(values=[], shift=0, sizes=[])
+    method, first = source.u8(), source.signed()
+    if method == 0:
+        return SimpleNamespace(values=[first] * count, shift=0, sizes=[0] * count)
+    usual, unit, shift, first_bin = source.signed(), source.u8(), source.u8(), source.u8()
+    scale = source.varint()
+    setting = SimpleNamespace(
+        order=method - 1, usual=usual, unit=unit, shift=shift, scale=scale, first_bin=first_bin
+    )
+    decoder = ColumnDecoder(
+        source.take(source.varint()),
+        setting,
+        times.values if times else [],
+        [side.values for side in sides],
+        [side.shift for side in sides],
+        [side.sizes for side in sides],
+    )
+    values, sizes = decoder.decode(first, count)
+    return SimpleNamespace(values=values, shift=shift, sizes=sizes)
+
+
+def read_table(source, rows, fields):
+    """Value, decimals and width of each token, by columns."""
+    notations = [read_notation(source, rows) for _ in range(fields)]
+    times_at = source.varint() - 1
+    order = [i for i in range(fields) if i != times_at]
+    times, others, numbers = None, [], {}
+    for i in ([times_at] if times_at >= 0 else []) + order:
+        p, q, offset = source.varint(), source.varint(), source.varint()
+        exceptions, row = {}, -1
+        for _ in range(source.varint()):
+            row += source.varint() + 1
+            exceptions[row] = source.signed()
+        sides = [column for column in others[::-1] if len(set(column.values)) > 1][:2]
+        column = read_column(source, rows, times, sides)
+        numbers[i] = [
+            (k * p + q // 2) // q + offset + exceptions.get(row, 0)
+            for row, k in enumerate(column.values)
+        ]
+        if i == times_at:
+            times = column
+        else:
+            others.append(column)
+    return [apply(notations[i], numbers[i]) for i in range(fields)]
+
+
+def read_notation(source, rows):
+    rules, decimals = source.u8(), source.u8()
+    places = read_column(source, rows).values if rules & 3 == 3 else None
+    width = source.u8() if rules >> 2 & 3 == 1 else 0
+    widths = read_column(source, rows).values if rules >> 2 & 3 == 2 else [width] * rows
+    return rules, decimals, places, widths
+
+
+def apply(notation, numbers):
+    rules, most, places, widths = notation
+    tokens = []
+    for row, (number, width) in enumerate(zip(numbers, widths, strict=True)):
+        decimals = most
+        if rules & 3 == 3:
+            decimals = places[row]
+        elif rules & 3:
+            least = 0 if rules & 3 == 1 else min(1, most)
+            while decimals > least and number % 10 ** (most - decimals + 1) == 0:
+                decimals -= 1
+        value = number if rules >> 4 else number // 10 ** (most - decimals)
+        tokens.append((value, decimals, width))
+    return tokens
+
+
+def write(shape, tokens):
+    parts = shape.split(b"\xff")
+    text = [parts[0]]
+    for part, (value, decimals, width) in zip(parts[1:], tokens, strict=True):
+        whole, fraction = divmod(abs(value), 10**decimals)
+        if part[0] == 0:
+            shown = str(whole).zfill(width)
+        else:
+            shown = (datetime(1970, 1, 1) + timedelta(seconds=whole)).strftime(DATES[part[0]])
+        end = f".{fraction:0{decimals}}" if decimals else ""
+        text.append(f"{'-' if value < 0 else ''}{shown}{end}".encode() + part[1:])
+    return b"".join(text)

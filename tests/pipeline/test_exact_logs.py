@@ -1,0 +1,93 @@
+"""Logs kept byte by byte, from Python."""
+
+import io
+
+import numpy as np
+import pytest
+
+import gpszip
+from gpszip.errors import CorruptArchiveError, InputError, OptionError
+from gpszip.io.storage.source import Source
+from gpszip.pipeline.exact_logs import check_exact
+
+TEXT = "t,x,y\n" + "".join(f"{i},{10 * abs(i % 40 - 20)},{i % 3}\n" for i in range(500))
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "walk.csv"
+    path.write_text(TEXT)
+    return path
+
+
+@pytest.fixture
+def archive(path):
+    return gpszip.compress(path, rmse=2, lossless=True)
+
+
+def test_the_log_is_read_from_the_archive(archive, path, tmp_path):
+    archive.save(tmp_path / "a.gpsz")
+    opened = gpszip.open(tmp_path / "a.gpsz")
+    assert opened.exact_names == ("walk.csv",)
+    assert opened.exact_log("walk.csv") == path.read_bytes()
+    assert opened.exact_log("walk.csv", 6, 8) == b"0,200,0\n"
+    with pytest.raises(OptionError, match="no log 'run' is kept exactly"):
+        opened.exact_log("run")
+
+
+def test_tracks_and_streams_are_refused(tmp_path):
+    track = gpszip.Track("0", np.arange(9.0), np.zeros((9, 2)))
+    for given in (track, io.BytesIO(TEXT.encode()), "-"):
+        with pytest.raises(OptionError, match="lossless keeps files"):
+            gpszip.compress(given, rmse=1, lossless=True)
+
+
+def test_damage_is_found(archive, path):
+    data = bytearray(archive.to_bytes())
+    data[-9] ^= 1
+    with pytest.raises(CorruptArchiveError):
+        gpszip.open(bytes(data)).exact_log("walk.csv")
+
+
+def test_the_report_counts_the_whole_archive(archive):
+    assert archive.report.bytes_out == len(archive.to_bytes())
+
+
+def test_a_merge_says_that_logs_are_left_behind(archive, path):
+    other = gpszip.compress(gpszip.Track("b", np.arange(9.0), np.zeros((9, 2))), rmse=2)
+    merged = gpszip.merge([archive, other])
+    assert merged.exact_names == ()
+    assert any("logs kept exactly are not merged" in note for note in merged.report.notes)
+
+
+def test_an_appended_archive_still_holds_the_first_log(archive):
+    times = np.arange(1000.0, 1009)
+    grown = gpszip.append(archive, gpszip.Track("b", times, np.zeros((9, 2))))
+    assert grown.exact_log("walk.csv") == TEXT.encode()
+
+
+@pytest.mark.parametrize(
+    ("change", "place"),
+    [
+        (lambda text: text[:-1], "line 502: the log has no more lines, the archive ''"),
+        (lambda text: text.replace("7,", "8,", 1), "line 9"),
+        (lambda text: text + "x" * 100, "line 502: the log has 'x{60}...', the archive ''"),
+        (lambda text: "", "line 1: the log has '', the archive 't,x,y'"),
+    ],
+)
+def test_the_first_difference_is_named(archive, path, change, place):
+    assert check_exact(archive, [Source(str(path), path=path)]) == len(TEXT)
+    path.write_text(change(TEXT))
+    with pytest.raises(InputError, match=place):
+        check_exact(archive, [Source(str(path), path=path)])
+
+
+def test_a_difference_far_into_a_log_is_named(tmp_path):
+    rows = [f"{i},{i % 50},0\n" for i in range(150_000)]
+    path = tmp_path / "long.csv"
+    path.write_text("t,x,y\n" + "".join(rows))
+    archive = gpszip.compress(path, rmse=5, effort=1, lossless=True)
+    rows[140_000] = "x\n"
+    path.write_text("t,x,y\n" + "".join(rows))
+    with pytest.raises(InputError, match="line 140002: the log has 'x', the archive '140000,0,0'"):
+        check_exact(archive, [Source(str(path), path=path)])
