@@ -19,6 +19,7 @@ from sybil.document import Document
 from sybil.parsers.markdown import PythonCodeBlockParser
 from sybil.region import Region
 
+import exports
 import gpszip
 from frames import missing_packages
 from gpszip.cli.main import main
@@ -53,7 +54,7 @@ PAGES = {
 }
 
 #: What a page needs besides the dependencies of the tests.
-NEEDS = {"docs/robots.md": "rosbags"}
+NEEDS = {"docs/robots.md": "rosbags", "docs/phones.md": "fitdecode"}
 
 #: The log of each archive that pages begin with.
 LOGS = {"patrol": "patrol.csv", "walks": "walks/walk.gpx"}
@@ -182,6 +183,9 @@ def folder(tmp_path, monkeypatch):
         for i in range(100)
     ]
     Path("Timeline.json").write_bytes(google.encode(google.android(phone)))
+    for name in ("strava", "garmin", "takeout", "apple"):
+        Path(f"{name}.zip").write_bytes(exports.zipped(getattr(exports, name)()))
+    exports.unpacked(exports.days(), Path("days"))
 
     # Logs of a robot in metres.
     for number, name in enumerate(("patrol", "tomorrow")):

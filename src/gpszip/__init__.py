@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         LossWarning,
         MapError,
         MissingExtraError,
+        NoPositionsError,
         OptionError,
         OutputError,
         TrackError,
@@ -70,7 +71,7 @@ if TYPE_CHECKING:
     from gpszip.model.error_bound import ErrorBound
     from gpszip.model.match import Break, Match, Matching, Piece, Route, Scales
     from gpszip.model.merge_report import Deviation, MergeReport
-    from gpszip.model.read_result import Loss
+    from gpszip.model.read_result import Loss, OtherFiles
     from gpszip.pipeline.live import Matcher
     from gpszip.run import Dask, Processes, Serial, Threads
     from gpszip.run.executor import Executor, SharedValue
@@ -115,7 +116,9 @@ __all__ = [
     "MissingExtraError",
     "Network",
     "NextRoad",
+    "NoPositionsError",
     "OptionError",
+    "OtherFiles",
     "OutputError",
     "Patch",
     "Patching",
@@ -196,6 +199,7 @@ _HOMES = {
         "LossWarning",
         "MapError",
         "MissingExtraError",
+        "NoPositionsError",
         "OptionError",
         "OutputError",
         "TrackError",
@@ -246,7 +250,7 @@ _HOMES = {
         "Deviation",
         "MergeReport",
     ),
-    "gpszip.model.read_result": ("Loss",),
+    "gpszip.model.read_result": ("Loss", "OtherFiles"),
     "gpszip.pipeline.live": ("Matcher",),
     "gpszip.run": (
         "Dask",

@@ -3,6 +3,7 @@
     GPSZipError
     ├── InputError                a file, a column or a value that can't be used
     │   ├── UnknownFormatError    no reader knows the file
+    │   ├── NoPositionsError      a file of a known format without any position
     │   └── TrackError            times or positions that are no track
     ├── OptionError               options that contradict each other or the data
     │   └── UnknownTrackError     the archive has no track of this name
@@ -32,6 +33,7 @@ __all__ = [
     "LossWarning",
     "MapError",
     "MissingExtraError",
+    "NoPositionsError",
     "OptionError",
     "OutputError",
     "TrackError",
@@ -129,6 +131,10 @@ class InputError(GPSZipError):
 
 class UnknownFormatError(InputError):
     """No reader recognises the file."""
+
+
+class NoPositionsError(InputError):
+    """The file is of a known format, but holds no position, as that of a workout indoors."""
 
 
 class TrackError(InputError):

@@ -102,7 +102,7 @@ def test_pattern_without_files(gpszip):
 
 def test_folder_as_log(gpszip, tmp_path):
     (tmp_path / "logs").mkdir()
-    mistake(gpszip("compress", "logs", "-o", "out.gpsz"), 1, "is a folder", "logs/*.csv")
+    mistake(gpszip("compress", "logs", "-o", "out.gpsz"), 1, "logs: no file in this folder")
 
 
 def test_archive_as_log(gpszip, archive):

@@ -287,12 +287,13 @@ def _dry_run(
 
     from gpszip.cli.dry_run import DryRun, describe_files, print_dry_run
     from gpszip.io.logs.formats import is_bundle
+    from gpszip.io.logs.mixed_files import may_be_log
     from gpszip.io.storage.source import spooled
     from gpszip.pipeline.estimate import estimate
 
     # Standard input is read twice, for its format and its rows, so that it is copied first.
     base = extended or known_map
-    with spooled(logs, unzip=is_bundle) as sources:
+    with spooled(logs, unzip=is_bundle, wanted=may_be_log) as sources:
         files = tuple(describe_files(sources, choices["format"]))
         with _open_log(sources, choices, options, selection, base, None) as log:
             read_seconds = time.process_time()

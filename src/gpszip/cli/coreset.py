@@ -116,6 +116,7 @@ def command(
     from gpszip.io.coresets import write_coreset
     from gpszip.io.large.store import store_logs
     from gpszip.io.logs.formats import is_bundle
+    from gpszip.io.logs.mixed_files import may_be_log
     from gpszip.io.storage.source import spooled
     from gpszip.pipeline.coreset import sketch_log
 
@@ -127,7 +128,7 @@ def command(
     # Read and sketch.
     point_count = None
     with (
-        spooled(logs, unzip=is_bundle) as sources,
+        spooled(logs, unzip=is_bundle, wanted=may_be_log) as sources,
         open_executor(workers, engine, scheduler) as executor,
         store_logs(
             sources,

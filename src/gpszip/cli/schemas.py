@@ -84,6 +84,17 @@ _LOSSES: Fields = {
         ),
         "tracks that lost many points",
     ),
+    "other_files": _list(
+        _object(
+            {
+                "where": "string: the folder or zip archive",
+                "what": "string: which files, such as: without positions",
+                "count": "integer: how many",
+                "kinds": _table("integer: files", "how many have each suffix"),
+            }
+        ),
+        "files of folders and zip archives that hold no log, or one that another file has, too",
+    ),
 }
 
 _READ: Fields = {**_LOSSES, **_REPAIRS}
@@ -292,7 +303,8 @@ _FORMATS: Fields = {
                 "suffixes": _list("string: such as .csv", "suffixes of its files"),
                 "about": "string: what is read",
                 "write": "boolean: whether it can be written",
-                "extra": "string|null: extra that it needs",
+                "batches": "boolean: whether it is read in batches, and so may exceed the memory",
+                "extra": "string: extra that it needs; empty if it needs none",
             }
         ),
         "formats of logs",

@@ -31,6 +31,13 @@ _PLURAL = re.compile(
     r"^((?:repeated )?(?:row|point|position|outlier|road|feature|track|time|sentence))s\b"
 )
 
+#: How the description of a track with a new name begins, and that of many.
+_RENAMED = re.compile(r"^track renamed to ")
+_RENAMED_MANY = "tracks renamed to NAME-2, ..., as there are others of their names"
+
+#: Repairs of one kind that are described one by one.
+_MAX_ALIKE = 5
+
 #: Losses that the first line names; JSON names them all.
 _MAX_NAMED = 5
 
@@ -86,18 +93,38 @@ def print_losses(read_result: ReadResult) -> None:
     if losses:
         print_status(f"gpszip: lost {'; '.join(losses)}")
 
-    # Each log has a line with its reason.
+    # Each log has a line with its reason; files that hold none are counted.
     for left in read_result.left_out:
         print_status(f"gpszip: left out {left.name}: {left.reason}")
+    for others in read_result.other_files:
+        print_status(f"gpszip: {others.where}: left out {others}")
 
 
 def describe_repairs(repairs: Iterable[Repair]) -> list[str]:
-    """Describe what was repaired while reading, a few words for each repair."""
-    lines = []
+    """Describe what was repaired while reading, a few words for each repair.
+
+    What was repaired in many files is described once. JSON names each of them.
+    """
+    # Files of one export often need the same repair. New names of tracks differ.
+    by_kind: dict[str, list[Repair]] = {}
     for repair in repairs:
-        value = f" ({repair.value})" if repair.value else ""
-        lines.append(f"{repair.where}: {repair.count:,} {_in_number(repair)}{value}")
+        what = _RENAMED_MANY if _RENAMED.match(repair.what) else repair.what
+        by_kind.setdefault(what, []).append(repair)
+
+    lines = []
+    for what, alike in by_kind.items():
+        if len(alike) <= _MAX_ALIKE:
+            lines += [_describe_repair(repair) for repair in alike]
+            continue
+        count = sum(repair.count for repair in alike)
+        more = f"{alike[0].where} and {len(alike) - 1:,} more"
+        lines.append(f"{more}: {count:,} {what}")
     return lines
+
+
+def _describe_repair(repair: Repair) -> str:
+    value = f" ({repair.value})" if repair.value else ""
+    return f"{repair.where}: {repair.count:,} {_in_number(repair)}{value}"
 
 
 def _in_number(repair: Repair) -> str:
@@ -119,6 +146,9 @@ def losses_as_dict(read_result: ReadResult) -> dict[str, Any]:
         "points_read": read_result.points,
         "points_lost": read_result.lost,
         "losses": [asdict(loss) for loss in read_result.losses],
+        "other_files": [
+            {**asdict(others), "kinds": dict(others.kinds)} for others in read_result.other_files
+        ],
     }
 
 

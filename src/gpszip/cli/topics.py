@@ -59,9 +59,13 @@ of the storage's own tools.
     "input": """\
 Logs
 
-A LOG is a file, a pattern such as 'walks/*.gpx', a folder of Parquet files, a
-URL such as s3://bucket/logs/*.parquet, or - for standard input. Its content
-decides on its format, not its name. It may be packed with gzip or zip.
+A LOG is a file, a pattern such as 'walks/*.gpx', a folder or zip archive of
+files, such as an export of Strava or Google, a URL such as
+s3://bucket/logs/*.parquet, or - for standard input. Its content decides on its
+format, not its name. It may be packed with gzip.
+
+Files of a folder or archive that hold no positions are left out and counted; a
+log that can't be read is named, and the exit code is 3.
 
 Tables need a column of times, and x,y[,z] in metres or lat,lon in degrees;
 columns are found by name, or named with --columns t=when,x=east,y=north.

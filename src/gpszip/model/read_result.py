@@ -15,7 +15,10 @@ from gpszip.model.html import to_html
 from gpszip.model.text import count_text
 from gpszip.model.track import Track
 
-__all__ = ["LeftOut", "Loss", "ReadResult", "Repair"]
+__all__ = ["LeftOut", "Loss", "OtherFiles", "ReadResult", "Repair"]
+
+#: Suffixes of files that are shown.
+_MAX_KINDS = 8
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,42 @@ class LeftOut:
 
     name: str
     reason: str
+
+
+@dataclass(frozen=True)
+class OtherFiles:
+    """Files of a folder or zip archive that were left out for one reason, with nothing wrong.
+
+    They hold no positions, or those that another file holds, too.
+
+    Parameters
+    ----------
+    where : str
+        The folder or archive.
+    what : str
+        Which files, such as ``without positions``.
+    count : int
+        How many.
+    kinds : tuple of (str, int)
+        Suffixes and how many files have each, the most frequent ones first.
+    """
+
+    where: str
+    what: str
+    count: int
+    kinds: tuple[tuple[str, int], ...]
+
+    def __str__(self) -> str:
+        """Describe them in words.
+
+        Examples
+        --------
+        >>> str(OtherFiles("export.zip", "without positions", 5, ((".jpg", 3), (".csv", 2))))
+        '5 files without positions: 3 .jpg, 2 .csv'
+        """
+        kinds = ", ".join(f"{count:,} {suffix}" for suffix, count in self.kinds[:_MAX_KINDS])
+        kinds += ", ..." if len(self.kinds) > _MAX_KINDS else ""
+        return f"{count_text(self.count, 'file')} {self.what}: {kinds}"
 
 
 @dataclass(frozen=True)
@@ -126,6 +165,8 @@ class ReadResult(Sequence[Track], FrameMethods):
     losses : tuple of Loss
         Tracks that lost more than a tenth of their points, or that have several points at one
         timestamp.
+    other_files : tuple of OtherFiles
+        Files of folders and zip archives that hold no log, or one that another file holds, too.
     """
 
     tracks: tuple[Track, ...]
@@ -136,6 +177,7 @@ class ReadResult(Sequence[Track], FrameMethods):
     left_out: tuple[LeftOut, ...] = ()
     dropped_columns: tuple[str, ...] = ()
     losses: tuple[Loss, ...] = ()
+    other_files: tuple[OtherFiles, ...] = ()
 
     def __repr__(self) -> str:
         tracks, points = count_text(len(self.tracks), "track"), count_text(self.points, "point")

@@ -189,7 +189,7 @@ def write_logs(
 
 
 def check_removable(sources: Sequence[Source | InputError]) -> None:
-    """Refuse to delete what is no plain file: streams, objects and members of archives.
+    """Refuse to delete what was not named as a file, such as members of archives and folders.
 
     Raises
     ------
@@ -199,7 +199,7 @@ def check_removable(sources: Sequence[Source | InputError]) -> None:
     for source in sources:
         if isinstance(source, InputError):
             raise source
-        if source.archive or source.path is None or str(source.path) != source.name:
+        if source.collection or source.path is None or str(source.path) != source.name:
             raise OptionError(
                 f"--rm: {source.name} is no file by itself that could be deleted",
                 remedy="leave out --rm, or name files",

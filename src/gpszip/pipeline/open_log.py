@@ -31,7 +31,7 @@ def open_log(
     Parameters
     ----------
     sources : path, stream or iterable of them
-        Files, patterns, folders of Parquet, sources of frames; ``-`` is standard input.
+        Files, patterns, folders, sources of frames; ``-`` is standard input.
     memory : int, optional
         Bytes that compressing the log may take, at least 400 MiB. A log that would take more is
         sorted by track and time into a temporary file, which goes when the context ends.
@@ -58,6 +58,7 @@ def open_log(
     """
     from gpszip.io.large.store import count_rows
     from gpszip.io.logs.formats import is_bundle
+    from gpszip.io.logs.mixed_files import may_be_log
     from gpszip.io.storage.source import spooled
 
     # Read all into memory where it has no limit.
@@ -67,7 +68,7 @@ def open_log(
         return
 
     # Streams are read twice: to count, and to read.
-    with spooled(sources, unzip=is_bundle) as files:
+    with spooled(sources, unzip=is_bundle, wanted=may_be_log) as files:
         rows = count_rows(files, **options)
         if fits(rows, memory):
             result = read_logs(files, **options)

@@ -81,7 +81,7 @@ def test_logs_without_names_that_share_their_file_name(tmp_path):
     [
         ("missing.csv", "no such file"),
         ("*.gpx", "no file matches this pattern"),
-        (".", "is a folder; name the files in it"),
+        (".", "no file in this folder"),
     ],
 )
 def test_missing_logs_are_named(tmp_path, monkeypatch, name, says):

@@ -434,7 +434,7 @@ def test_any_namespace_and_what_stands_before_the_root_are_fine(head):
     [
         ('<?xml version="1.0"?>\n<osm version="0.6"></osm>', "OpenStreetMap's"),
         ("<!DOCTYPE html><html><br></html>", "a web page"),
-        ("<svg><path/></svg>", "'svg'; convert it to GPX or CSV"),
+        ("<svg><path/></svg>", "'svg'; 'gpszip formats' lists what can be read"),
         ("<!--" + "x" * 300_000 + "--><gpx/>", "--format gpx"),
     ],
 )

@@ -62,24 +62,24 @@ def test_archive_of_a_single_log_is_like_the_log():
     assert ids(read_logs(io.BytesIO(zipped(("a.csv", LOG))))) == [("0", 100)]
 
 
-def test_other_files_are_left_out_and_named():
+def test_other_files_are_left_out_and_counted():
     others = [
         ("README.md", b"# Walks\n"),
         ("photo.jpg", bytes(range(256))),
-        ("in.zip", zipped(("a.csv", LOG))),
+        ("photo.JPG", bytes(range(255))),
+        ("LICENSE", b"All rights.\n"),
     ]
     ignored = [("__MACOSX/._a.csv", b"x"), (".DS_Store", b"x"), (".git/config", b"x")]
     result = read_logs(io.BytesIO(zipped(("a.csv", LOG), *others, *ignored)))
     assert ids(result)[0][1] == 100
-    assert [(file.name, file.reason.split(";")[0]) for file in result.left_out] == [
-        ("stream/README.md", "is text, but not named as a table"),
-        ("stream/photo.jpg", "neither text nor a format that is known"),
-        ("stream/in.zip", "is a zip archive inside another file"),
+    assert result.complete
+    assert [str(others) for others in result.other_files] == [
+        "4 files without positions: 2 .jpg, 1 .md, 1 without a suffix"
     ]
     with store_logs(list(expand(io.BytesIO(zipped(("a.csv", LOG), *others)))), rows=1000) as log:
-        assert [file.name for file in log.read_result.left_out] == [
-            file.name for file in result.left_out
-        ]
+        assert log.read_result.other_files == result.other_files
+    with pytest.raises(InputError, match=r"no log in it, only 4 files without .*: 2 \.jpg, "):
+        read_logs(io.BytesIO(zipped(*others)))
     with pytest.raises(UnknownFormatError, match=r"stream/README\.md: is text"):
         read_logs(io.BytesIO(zipped(others[0])))
 
@@ -87,7 +87,7 @@ def test_other_files_are_left_out_and_named():
 def test_names_of_members_are_no_paths(tmp_path, monkeypatch):
     (tmp_path / "current").mkdir()
     monkeypatch.chdir(tmp_path / "current")
-    data = zipped(("../up.csv", LOG), ("/root.csv", LOG), ("a\x1b[2J\n.csv", LOG))
+    data = zipped(("../up.csv", LOG), ("/root.csv", LOG + b"100,1,1\n"), ("a\x1b[2J\n.csv", OTHER))
     with spooled(io.BytesIO(data)) as sources:
         assert [source.name for source in sources] == [
             "stream/../up.csv",
@@ -163,7 +163,7 @@ def test_zip_bomb_is_refused_once():
         "stream: expands more than 300 times; "
         "if that is meant, unpack it yourself, and name the files"
     ]
-    assert [source.archive for source in sources if isinstance(source, Source)] == ["stream"] * 2
+    assert [source.collection for source in sources if isinstance(source, Source)] == ["stream"] * 2
 
 
 def test_thousands_of_members_and_zip64():
@@ -188,7 +188,7 @@ def test_changed_bytes_give_data_or_errors(method, changes, cut):
         data[offset % len(data)] = byte
     for source in expand(io.BytesIO(bytes(data[: len(data) - max(cut - 2900, 0)]))):
         assert "\n" not in (str(source) if isinstance(source, InputError) else source.name)
-        if isinstance(source, Source) and source.archive:
+        if isinstance(source, Source) and source.collection and source.error is None:
             assert source.data in (OTHER, b"")  # complete by its checksum, or declared as empty
 
 
@@ -233,4 +233,4 @@ def test_pictures_of_other_archives_are_named():
         archive.writestr("a.csv", "t,x,y\n0,0,0\n1,1,1\n")
         archive.writestr("start.png", b"\x89PNG\r\n\x1a\n\0\0")
     reading = read_logs(io.BytesIO(file.getvalue()))
-    assert [left.name for left in reading.left_out] == ["stream/start.png"]
+    assert [each.kinds for each in reading.other_files] == [((".png", 1),)]

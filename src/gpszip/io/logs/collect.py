@@ -13,8 +13,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import PurePosixPath
 
 from gpszip.errors import InputError, UnknownTrackError
 from gpszip.io.logs.file_collector import CleaningOptions, FileCollector
@@ -23,11 +25,17 @@ from gpszip.io.logs.log_file import LogFile, mismatch_error
 from gpszip.io.logs.repeats import RepeatedRows, drop_repeated_rows
 from gpszip.io.logs.rows import Floats, LogRows, RowStore
 from gpszip.model import Track
-from gpszip.model.read_result import LeftOut, Loss, ReadResult, Repair
+from gpszip.model.read_result import LeftOut, Loss, OtherFiles, ReadResult, Repair
 from gpszip.model.selection import Selection
 from gpszip.model.timestamps import format_span
 
 __all__ = ["CollectedLog", "collect_log"]
+
+#: Why most files of an export are left out.
+_NO_LOG = "without positions"
+
+#: What stands for the suffix of a file without one.
+_NO_SUFFIX = "without a suffix"
 
 #: Names of tracks that an error lists of a log with more.
 _MAX_LISTED_TRACKS = 5
@@ -43,6 +51,8 @@ class CollectedLog:
         Files that were read.
     errors : list of InputError
         Why other files were left out.
+    other_files : tuple of OtherFiles
+        Files of folders and archives that hold no log, or one that another file holds, too.
     is_alone : bool
         Whether only one log was named.
     tracks : list of JoinedTrack
@@ -51,6 +61,7 @@ class CollectedLog:
 
     files: list[FileCollector]
     errors: list[InputError]
+    other_files: tuple[OtherFiles, ...]
     is_alone: bool
     tracks: list[JoinedTrack]
     _store: RowStore
@@ -121,6 +132,7 @@ class CollectedLog:
             left_out=tuple(left_out),
             dropped_columns=tuple(dropped_columns),
             losses=tuple(losses),
+            other_files=self.other_files,
         )
 
 
@@ -147,6 +159,7 @@ def collect_log(
     # Read file by file.
     files: list[FileCollector] = []
     errors: list[InputError] = []
+    others = _OtherFiles()
     logs: set[str] = set()
     next_code = 0
     for log_file in log_files:
@@ -160,13 +173,14 @@ def collect_log(
             store.end_file()
             files.append(file)
         except InputError as error:
-            if not log_file.may_be_left_out(error):
+            if not log_file.may_be_left_out:
                 raise
             store.drop_file()
-            errors.append(error.located_at(log_file.name))
+            if not others.add(log_file, error):
+                errors.append(error.located_at(log_file.name))
         next_code = file.tracks.next_code
     if not files:
-        raise _nothing_read_error(errors)
+        raise _nothing_read_error(errors, others)
 
     # Join the tracks of all files.
     repairs: list[Repair] = []
@@ -180,8 +194,42 @@ def collect_log(
     if not chosen and not selection.is_everything:
         raise _nothing_selected_error(files, selection)
     return CollectedLog(
-        files, errors, is_alone, chosen, store, ends_before, repeated, repairs, not_selected
+        files,
+        errors,
+        others.listed(),
+        is_alone,
+        chosen,
+        store,
+        ends_before,
+        repeated,
+        repairs,
+        not_selected,
     )
+
+
+class _OtherFiles:
+    """Counts the files of folders and archives that hold no log, or one that another file has."""
+
+    def __init__(self) -> None:
+        self.first_error: InputError | None = None
+        self._counts: dict[tuple[str, str], Counter[str]] = {}
+
+    def add(self, file: LogFile, error: InputError) -> bool:
+        """Count a file, unless its error means that it is a log that can't be read."""
+        if not file.skipped and not file.is_stray(error):
+            return False
+        self.first_error = self.first_error or error.located_at(file.name)
+        suffix = PurePosixPath(file.name.lower().removesuffix(".gz")).suffix
+        counts = self._counts.setdefault((file.collection, file.skipped or _NO_LOG), Counter())
+        counts[suffix or _NO_SUFFIX] += 1
+        return True
+
+    def listed(self) -> tuple[OtherFiles, ...]:
+        """Return what was counted, in the order in which it was first met."""
+        return tuple(
+            OtherFiles(where, why, counts.total(), tuple(counts.most_common()))
+            for (where, why), counts in self._counts.items()
+        )
 
 
 def _choose_tracks(
@@ -250,8 +298,18 @@ def _check_coordinates(file: FileCollector, before: Sequence[FileCollector]) -> 
         raise mismatch_error(file.name, kind, before[0].name, before[0].coordinate_kind)
 
 
-def _nothing_read_error(errors: Sequence[InputError]) -> InputError:
+def _nothing_read_error(errors: Sequence[InputError], others: _OtherFiles) -> InputError:
     """Return the error if no log can be read."""
+    # Only files that are no logs: a single one says why itself.
+    if not errors and others.first_error is not None:
+        listed = others.listed()
+        if sum(each.count for each in listed) == 1:
+            return others.first_error
+        return InputError(
+            f"no log in it, only {'; '.join(map(str, listed))}",
+            path=listed[0].where,
+            remedy="'gpszip formats' lists what can be read",
+        )
     if not errors:
         return InputError("no log given", remedy="name a file, a pattern or - for standard input")
     if len(errors) == 1:

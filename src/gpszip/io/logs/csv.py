@@ -18,7 +18,7 @@ from typing import Any, BinaryIO, NamedTuple
 import pyarrow as pa
 import pyarrow.csv as pc
 
-from gpszip.errors import InputError, UnknownFormatError
+from gpszip.errors import InputError, NoPositionsError, UnknownFormatError
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.logs.track_rows import TrackRows
 from gpszip.io.logs.track_table import track_tables
@@ -453,7 +453,7 @@ def detect_dialect(head: bytes, request: Request, where: str) -> Dialect:
     """
     # 1. The encoding
     if not head.strip():
-        raise InputError(
+        raise NoPositionsError(
             "empty file", path=where, remedy="a log needs a header and at least one row"
         )
     if not sniff_csv(head):

@@ -25,6 +25,7 @@ from gpszip.errors import InputError
 from gpszip.geo.planes import to_geographic
 from gpszip.io.logs.csv import Dialect, confirm_encoding, detect_dialect
 from gpszip.io.logs.formats import CSV, format_for_reading, format_named, is_bundle
+from gpszip.io.logs.mixed_files import may_be_log
 from gpszip.io.logs.raw import Request, unused_name
 from gpszip.io.logs.read import ReadOptions, read_logs
 from gpszip.io.storage.source import Source, expand
@@ -240,7 +241,8 @@ def read_for_patching(
     PatchableCsv or None
         The text; None for several logs and for other formats.
     """
-    expanded = list(expand(sources, unzip=is_bundle))  # streams can be read only once
+    # Streams can be read only once.
+    expanded = list(expand(sources, unzip=is_bundle, wanted=may_be_log))
     if len(expanded) == 1 and isinstance(expanded[0], Source):
         source, name = expanded[0], options.get("format")
         chosen = format_for_reading(source) if name is None else format_named(name)

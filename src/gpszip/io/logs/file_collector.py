@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.errors import InputError, OptionError
+from gpszip.errors import InputError, NoPositionsError, OptionError
 from gpszip.io.logs.clean import (
     add_repair,
     find_usable_rows,
@@ -245,7 +245,7 @@ class FileCollector:
         """
         # Some row must have a time and a position.
         if not self.rows + self.dropped_by_reader:
-            raise InputError("columns, but no rows", path=self.name)
+            raise NoPositionsError("columns, but no rows", path=self.name)
         for what in _NEEDED:
             if what not in self._readable:
                 raise nothing_usable_error(self.name, self.row_noun, what, self._unreadable)
@@ -272,7 +272,7 @@ class FileCollector:
         for track in tracks:
             name = self.tracks.names[track["name"]] or ""
             count, time = int(track["rows"]), float(track["first_time"])
-            errors.append((name, stopped_clock_error(self.name, name, count, time)))
+            errors.append((name, stopped_clock_error(self.name, name, count, self.row_noun, time)))
             self.repairs.append(Repair(f"points of track {name!r} left out", count, self.name))
 
         # Raise, unless other tracks remain and bad ones may be left out.

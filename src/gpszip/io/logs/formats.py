@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from gpszip.errors import InputError, OptionError, OutputError, UnknownFormatError
+from gpszip.errors import InputError, NoPositionsError, OptionError, OutputError, UnknownFormatError
 from gpszip.io.deferred import deferred
 from gpszip.io.logs.log_format import LogBatches, LogFormat
 from gpszip.io.logs.xml.text import root_element
@@ -397,6 +397,7 @@ _OTHER_FILES = (
 #: Advice for XML that no format reads, by the name of its root element in lower case.
 _OTHER_XML = {
     "osm": "it is OpenStreetMap's, which has roads, not logs; 'gpszip network' reads it",
+    "healthdata": "it is Apple's health data; its routes are in workout-routes beside it, as GPX",
     "graphml": "it is GraphML, which has roads, not logs; 'gpszip network' reads it",
     "html": "it is a web page, perhaps of an error or a login; fetch the file again",
 }
@@ -518,7 +519,7 @@ def format_for_reading(source: Source) -> LogFormat:
     # Refuse an empty file before any format is asked.
     head = source.head()
     if not head.strip():
-        raise InputError("empty file", path=source.name, remedy="name one that holds a log")
+        raise NoPositionsError("empty file", path=source.name, remedy="name one that holds a log")
 
     # 1. Formats that know their files.
     formats = log_formats()
@@ -535,7 +536,7 @@ def format_for_reading(source: Source) -> LogFormat:
     for format_ in formats:
         if format_.is_fallback and format_.sniff(head):
             name = source.name.lower().removesuffix(".gz")
-            if source.archive and not name.endswith(format_.suffixes):
+            if source.collection and not name.endswith(format_.suffixes):
                 raise UnknownFormatError(
                     "is text, but not named as a table",
                     path=source.name,
@@ -581,7 +582,7 @@ def _explain_other_kind(name: str, head: bytes) -> str:
             "is XML, but no element comes within its first 256 KiB; "
             "if it is GPX, say so with --format gpx"
         )
-    advice = _OTHER_XML.get(root.lower(), "convert it to GPX or CSV first")
+    advice = _OTHER_XML.get(root.lower(), "'gpszip formats' lists what can be read")
     return f"is XML, but of no format that is read: its root element is {root[:40]!r}; {advice}"
 
 

@@ -16,8 +16,9 @@ import pyarrow as pa
 
 from gpszip.errors import InputError, OptionError
 from gpszip.io.frames.source import FRAME_FORMAT, FrameSource
-from gpszip.io.logs.formats import format_for_reading, format_named, is_bundle, log_formats
+from gpszip.io.logs.formats import is_bundle, log_formats
 from gpszip.io.logs.log_format import SPECIAL_OPTIONS, CoordinateKind, LogBatches, LogFormat
+from gpszip.io.logs.mixed_files import ReadFiles, choose_format, may_be_log
 from gpszip.io.logs.plausibility import check_plausible
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.storage.source import Source, expand, is_stray_file
@@ -47,6 +48,8 @@ class LogFile:
         The file as its format opens it; None if it is read at once.
     error : InputError, optional
         Why the file can't be read, if that shows at its start.
+    skipped : str
+        Why it is left out although it can be read; empty if it is read.
     """
 
     source: Source | InputError
@@ -54,6 +57,12 @@ class LogFile:
     format: LogFormat | None = None
     opened: LogBatches | None = None
     error: InputError | None = None
+    skipped: str = ""
+
+    @property
+    def collection(self) -> str:
+        """Name of the folder or archive of mixed files that contains it; empty if none does."""
+        return self.source.collection if isinstance(self.source, Source) else ""
 
     @property
     def name(self) -> str:
@@ -70,9 +79,17 @@ class LogFile:
         """What its coordinates are; None if that shows only when its rows are read."""
         return None if self.opened is None else self.opened.coordinate_kind
 
-    def may_be_left_out(self, error: InputError) -> bool:
-        """Whether the other files are read in spite of this error."""
-        return self.request.skip_bad or is_stray_file(self.source, error)
+    @property
+    def may_be_left_out(self) -> bool:
+        """Whether the other files are read if this one can't be.
+
+        One file in an export of thousands must not cost the others.
+        """
+        return self.request.skip_bad or bool(self.collection)
+
+    def is_stray(self, error: InputError) -> bool:
+        """Whether an error only means that a folder or archive contains a file that is no log."""
+        return is_stray_file(self.source, error)
 
     def row_count(self) -> int | None:
         """Return the number of rows if the file states it, as Parquet does; else None."""
@@ -129,20 +146,24 @@ def open_log_files(
     >>> file.coordinate_kind
     CoordinateKind(geographic=True, dimension=2, crs='')
     """
-    for source in expand(sources, unzip=is_bundle):
+    before = ReadFiles()
+    for source in expand(sources, unzip=is_bundle, wanted=may_be_log):
         if isinstance(source, InputError):
             yield LogFile(source, request, error=source)
         else:
-            yield _open_log_file(source, format_, request, in_batches)
+            yield _open_log_file(source, format_, request, in_batches, before)
 
 
 def _open_log_file(
-    source: Source, format_: str | None, request: Request, in_batches: bool
+    source: Source, format_: str | None, request: Request, in_batches: bool, before: ReadFiles
 ) -> LogFile:
     # An error is kept with its file. Raised here, it would end the generator, and with it the files
     # after this one.
     try:
         chosen = _choose_format(source, format_)
+        if skipped := before.why_not(source, chosen):
+            error = InputError(f"one {skipped}", path=source.name)
+            return LogFile(source, request, error=error, skipped=skipped)
         refuse_unknown_options(chosen, request, source.name)
         opened = None
         if in_batches and chosen.read_batches is not None:
@@ -180,7 +201,7 @@ def _choose_format(source: Source, format_: str | None) -> LogFormat:
     """Return the format that the user states, or that the content of a file has."""
     if isinstance(source, FrameSource):
         return FRAME_FORMAT
-    return format_for_reading(source) if format_ is None else format_named(format_)
+    return choose_format(source, format_)
 
 
 def refuse_mismatches(files: Iterable[LogFile]) -> list[LogFile]:
@@ -199,7 +220,7 @@ def refuse_mismatches(files: Iterable[LogFile]) -> list[LogFile]:
     checked: list[LogFile] = []
     for file in files:
         error = file.error or _find_mismatch(file, checked)
-        if error is not None and not file.may_be_left_out(error):
+        if error is not None and not file.may_be_left_out:
             raise error
         checked.append(replace(file, error=error))
     return checked

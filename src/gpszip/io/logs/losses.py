@@ -62,8 +62,14 @@ def time_of_day_error(path: str, location: str) -> InputError:
     )
 
 
-def stopped_clock_error(where: str, track: str, points: int, time: float) -> InputError:
+def stopped_clock_error(where: str, track: str, points: int, noun: str, time: float) -> InputError:
     """Return the error for a track whose points all have the same time."""
+    # Only tables have columns to name.
+    if noun == "row":
+        remedy = "name the right column with --columns t=COLUMN, or take the times out to read the "
+        remedy += "points as a shape"
+    else:
+        remedy = "correct the times, or take them out to read the points as a shape"
     if _DATE_RANGE[0] <= time <= _DATE_RANGE[1]:
         shown_time = f"{np.datetime64(round(time), 's')}Z"
     else:
@@ -72,8 +78,7 @@ def stopped_clock_error(where: str, track: str, points: int, time: float) -> Inp
     return InputError(
         f"all {points:,} points{whose} have the same time, {shown_time}",
         path=where,
-        remedy="name the right column with --columns t=COLUMN, or take the times out to read the "
-        "points as a shape",
+        remedy=remedy,
     )
 
 
@@ -87,5 +92,7 @@ def nearly_lost_error(where: str, points: int, noun: str, repairs: Sequence[Repa
     return InputError(
         f"only 1 of {points:,} {noun}s can be used: {causes}",
         path=where,
-        remedy="name the right columns with --columns",
+        remedy="name the right columns with --columns"
+        if noun == "row"
+        else "correct the file, or leave it out",
     )

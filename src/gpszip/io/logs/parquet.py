@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 
 import pyarrow as pa
 
-from gpszip.errors import InputError
+from gpszip.errors import InputError, NoPositionsError
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.logs.table_batches import TableBatch, interpret_batches
@@ -74,7 +74,7 @@ def read_parquet(source: Source, request: Request) -> RawLog:
         reason = str(error).splitlines()[0]
         raise InputError(f"damaged Parquet file: {reason}", path=source.name) from None
     if table.num_rows == 0:
-        raise InputError("columns, but no rows", path=source.name)
+        raise NoPositionsError("columns, but no rows", path=source.name)
     return build_raw_log(table.columns, names, roles, request, source.name)
 
 

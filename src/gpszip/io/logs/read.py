@@ -165,8 +165,8 @@ def read_logs(
     Parameters
     ----------
     sources : str, Path, binary stream, or iterable of these and of Source
-        Files, patterns (``walks/*.gpx``), folders of Parquet, zip archives of files, ``-`` for
-        standard input. :func:`gpszip.io.storage.source.expand` yields sources.
+        Files, patterns (``walks/*.gpx``), folders and zip archives of files, ``-`` for standard
+        input. :func:`gpszip.io.storage.source.expand` yields sources.
     format : str, optional
         Name of a format that :func:`gpszip.io.logs.formats.log_formats` lists; found from the
         content if left out.
@@ -191,8 +191,8 @@ def read_logs(
         where unknown.
     skip_bad : bool
         Leave out logs that can't be read, items of logs such as features of GeoJSON, and positions
-        off the globe, instead of raising. Files in a zip archive that are no logs at all are left
-        out in any case.
+        off the globe, instead of raising. Logs in a folder or zip archive that can't be read are
+        left out in any case, and files in it that are no logs are counted.
     times : bool
         Whether a table needs a column of times; without one, its tracks are read as shapes.
     selection : Selection

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-__all__ = ["FolderLog", "find_folder_log", "folder_remedy", "is_folder_log"]
+from gpszip.io.storage.zip_files import is_hidden, read_first
+
+__all__ = ["FolderItem", "FolderLog", "find_folder_log", "is_folder_log", "walk_folder"]
 
 #: Places of the positions in the folder of a EuRoC sequence, the preferred ones first.
 _EUROC_FILES = (
@@ -20,8 +23,8 @@ _EUROC_FILES = (
 _ROS_METADATA = "metadata.yaml"
 _ROS_KEY = b"rosbag2_bagfile_information:"
 
-#: Suffixes of those other files.
-_ROS_SUFFIXES = (".db3", ".mcap")
+#: Files that writers of Parquet add to a folder.
+_MARKERS = ("_SUCCESS", "_metadata", "_common_metadata")
 
 
 class FolderLog(NamedTuple):
@@ -62,25 +65,73 @@ def is_folder_log(path: Path) -> bool:
     return path.name == _ROS_METADATA and _is_ros_metadata(path)
 
 
-def folder_remedy(folder: Path, shown: str) -> str:
-    """Return what to do about a folder that is no log.
+class FolderItem(NamedTuple):
+    """A file in a folder, a folder in it that is one log, or what can't be read.
+
+    Parameters
+    ----------
+    path : Path
+        The file or folder.
+    log : FolderLog or None
+        The log that the folder is; None for a file.
+    error : OSError or None
+        Why it can't be read.
+    """
+
+    path: Path
+    log: FolderLog | None = None
+    error: OSError | None = None
+
+
+def walk_folder(folder: Path) -> Iterator[FolderItem]:
+    """Find the files of a folder and of all folders in it.
+
+    Files of a folder come before those of the folders in it, each in the order of their names, and
+    those with what devices measured first in an export of Google. Hidden files are passed over. A
+    folder that is one log, such as a bag of ROS 2, is one item. Links are followed, but no folder
+    is entered twice.
 
     Parameters
     ----------
     folder : Path
         The folder.
-    shown : str
-        Its name in messages.
+
+    Yields
+    ------
+    FolderItem
+        An error for a folder that can't be listed.
     """
-    name = shown.rstrip("/")
-    suffixes = {file.suffix for file in folder.iterdir()}
-    for suffix in _ROS_SUFFIXES:
-        if suffix in suffixes:
-            return (
-                f"'ros2 bag reindex {name}' writes its {_ROS_METADATA}; "
-                f"or name the files in it: '{name}/*{suffix}'"
+    waiting, entered = [folder], set()
+    while waiting:
+        # Links may lead back to a folder.
+        current = waiting.pop()
+        try:
+            status = current.stat()
+            if (status.st_dev, status.st_ino) in entered:
+                continue
+            entered.add((status.st_dev, status.st_ino))
+            names = sorted(
+                (entry.name for entry in current.iterdir()),
+                key=lambda name: (read_first(name), name),
             )
-    return f"name the files in it: '{name}/*.csv'"
+        except OSError as error:
+            yield FolderItem(current, error=error)
+            continue
+
+        # A folder that is one log.
+        if log := find_folder_log(current):
+            yield FolderItem(current, log)
+            continue
+
+        # Files now, folders later.
+        paths = [current / name for name in names if not _is_passed_over(name)]
+        folders = [path for path in paths if path.is_dir()]
+        yield from (FolderItem(path) for path in paths if not path.is_dir())
+        waiting += reversed(folders)
+
+
+def _is_passed_over(name: str) -> bool:
+    return is_hidden(name) or name in _MARKERS
 
 
 def _is_ros_metadata(path: Path) -> bool:

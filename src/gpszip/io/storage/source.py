@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import glob
 import io
+import itertools
 import os
 import sys
+import zlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from hashlib import blake2b
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import pyarrow as pa
 
-from gpszip.errors import InputError, UnknownFormatError
+from gpszip.errors import InputError, NoPositionsError, UnknownFormatError
 from gpszip.io.storage.display_name import printable_name
 from gpszip.io.storage.expansion import open_gzip, read_chunk
-from gpszip.io.storage.folders import find_folder_log, folder_remedy, is_folder_log
+from gpszip.io.storage.folders import FolderItem, find_folder_log, is_folder_log, walk_folder
 from gpszip.io.storage.remote import fetch_objects, is_url
 from gpszip.io.storage.temporary import disk_errors_as_output_errors, scratch_folder
-from gpszip.io.storage.zip_files import ZipMember, find_members, is_zip
+from gpszip.io.storage.zip_files import ExpansionLimit, find_members, is_zip
 
 __all__ = ["Source", "expand", "is_stray_file", "spooled"]
 
@@ -32,6 +35,15 @@ _HEAD_BYTES = 1 << 18
 
 #: Bytes that are copied at a time: 1 MiB.
 _CHUNK_BYTES = 1 << 20
+
+#: Zip archives in each other that are unpacked. Exports of Garmin have two, split backups three.
+_MAX_DEPTH = 4
+
+#: The window of zlib, with a header of gzip.
+_GZIP_WINDOW = 31
+
+#: Bytes of a digest: two different files have the same one with a probability of 2**-128.
+_DIGEST_BYTES = 16
 
 
 @dataclass(frozen=True)
@@ -49,18 +61,22 @@ class Source:
     folder : Path, optional
         The folder that the user has given, for a file in it. Folders between may be keys of
         partitions (``vehicle=7``).
-    archive : str
-        Name of the zip archive that contains the log; empty if none does.
+    collection : str
+        Name of the folder or zip archive of mixed files that the user has given and that contains
+        this one; empty for a file that was named.
     stored_bytes : int, optional
         Compressed size of a member of an archive.
+    error : InputError, optional
+        Why a file of a collection can't be opened.
     """
 
     name: str
     path: Path | None = None
     data: bytes | None = field(default=None, repr=False)
     folder: Path | None = None
-    archive: str = ""
+    collection: str = ""
     stored_bytes: int | None = None
+    error: InputError | None = None
 
     @property
     def log(self) -> str:
@@ -80,6 +96,8 @@ class Source:
             return self.stored_bytes
         if self.data is not None:
             return len(self.data)
+        if self.error is not None:
+            return 0
         assert self.path is not None
         try:
             return self.path.stat().st_size
@@ -132,8 +150,24 @@ class Source:
         """Return all bytes of the log, unpacked."""
         return self._read(None)
 
+    def digest(self) -> bytes:
+        """Return a digest of the bytes as stored, which only equal files share.
+
+        Raises
+        ------
+        InputError
+            If they can't be read.
+        """
+        digest = blake2b(digest_size=_DIGEST_BYTES)
+        with self._open_stored() as stored:
+            while chunk := read_chunk(stored, _CHUNK_BYTES):
+                digest.update(chunk)
+        return digest.digest()
+
     def _open_stored(self) -> Any:
         """Open the bytes as stored."""
+        if self.error is not None:
+            raise self.error
         if self.data is not None:
             return pa.BufferReader(self.data)
         try:
@@ -166,15 +200,15 @@ class _Stream:
         Name for messages.
     chunks : callable
         Yields the bytes.
-    archive : str
-        Name of the zip archive that contains it; empty if none does.
+    collection : str
+        As for :class:`Source`.
     stored_bytes : int, optional
         Compressed size of a member of an archive.
     """
 
     name: str
     chunks: Callable[[], Iterator[bytes]]
-    archive: str = ""
+    collection: str = ""
     stored_bytes: int | None = None
 
 
@@ -184,12 +218,18 @@ _Keep = Callable[[_Stream], Source]
 #: Suffixes of the files that make a folder one log.
 _PARQUET = (".parquet", ".geoparquet")
 
+#: Whether a zip archive means the files in it.
+_Unzip = bool | Callable[[Source], bool]
+
+#: Whether a file of a collection may be a log, by its name and its first bytes, unpacked.
+_Wanted = Callable[[str, bytes], bool]
+
 #: Sources that users may give.
 _Items = Iterable[str | Path | BinaryIO | Source | InputError] | str | Path | BinaryIO
 
 
 def expand(
-    sources: _Items, *, unzip: bool | Callable[[Source], bool] = True
+    sources: _Items, *, unzip: _Unzip = True, wanted: _Wanted | None = None
 ) -> Iterator[Source | InputError]:
     """Turn names, patterns and streams into logs to read.
 
@@ -198,9 +238,13 @@ def expand(
     sources : str, Path, binary stream, or iterable of these and of the results of :func:`spooled`
         ``-`` is standard input. A name with ``*``, ``?`` or ``[`` that is no file is a pattern for
         files, in the order of their names. URLs such as ``s3://bucket/logs/*.parquet`` are fetched.
+        A folder means all files in it, unless it is one log.
     unzip : bool or callable, default True
         Whether a zip archive means the files in it, which are named ``ARCHIVE/FILE``; a function
-        decides for each archive. Nothing is written to disk.
+        decides for each archive. Archives in it are unpacked, too. Nothing is written to disk.
+    wanted : callable, optional
+        Whether a file in an archive may be a log, by its name and its first 256 KiB; of others,
+        only these are read. All are read by default.
 
     Yields
     ------
@@ -208,12 +252,12 @@ def expand(
         An error for a name that can't be read, so that the caller may omit it. Streams and members
         of archives are in memory, one at a time.
     """
-    return _expand(sources, _in_memory, unzip=unzip)
+    return _expand(sources, _Expansion(_in_memory, unzip, wanted))
 
 
 @contextmanager
 def spooled(
-    sources: _Items, *, unzip: bool | Callable[[Source], bool] = True
+    sources: _Items, *, unzip: _Unzip = True, wanted: _Wanted | None = None
 ) -> Iterator[list[Source | InputError]]:
     r"""Find all logs, and store those without a file in temporary files until the context ends.
 
@@ -221,7 +265,7 @@ def spooled(
 
     Parameters
     ----------
-    sources, unzip
+    sources, unzip, wanted
         As for :func:`expand`.
 
     Examples
@@ -240,7 +284,7 @@ def spooled(
             return _on_disk(stream, folder / str(number))
 
         # Frames may be streams, too.
-        found = _expand(sources, keep, unzip=unzip)
+        found = _expand(sources, _Expansion(keep, unzip, wanted))
         yield [
             source.stored_at(folder / f"frame-{i}") if isinstance(source, Source) else source
             for i, source in enumerate(found)
@@ -248,15 +292,40 @@ def spooled(
 
 
 def is_stray_file(source: Source | InputError, error: InputError) -> bool:
-    """Whether an error only means that a zip archive contains a file that is no log."""
-    in_archive = isinstance(source, Source) and bool(source.archive)
-    return in_archive and isinstance(error, UnknownFormatError)
+    """Whether an error only means that a folder or zip archive contains a file that is no log."""
+    in_collection = isinstance(source, Source) and bool(source.collection)
+    return in_collection and isinstance(error, (UnknownFormatError, NoPositionsError))
 
 
-def _expand(
-    sources: Any, keep: _Keep, *, unzip: bool | Callable[[Source], bool]
-) -> Iterator[Source | InputError]:
-    """Turn names, patterns and streams into sources; ``keep`` stores streams."""
+@dataclass(frozen=True)
+class _Expansion:
+    """How sources are expanded.
+
+    Parameters
+    ----------
+    keep : callable
+        Stores streams.
+    unzip, wanted
+        As for :func:`expand`.
+    """
+
+    keep: _Keep
+    unzip: _Unzip
+    wanted: _Wanted | None
+
+    def unpacks(self, source: Source) -> bool:
+        """Whether a source is a zip archive that means the files in it."""
+        try:
+            with source._open_stored() as stored:
+                if not is_zip(stored.read(4)):
+                    return False
+        except (InputError, OSError):
+            return False  # reading it reports the error
+        return self.unzip(source) if callable(self.unzip) else self.unzip
+
+
+def _expand(sources: Any, how: _Expansion) -> Iterator[Source | InputError]:
+    """Turn names, patterns and streams into sources."""
     # Streams can be iterated, too, but they are one source.
     is_single = isinstance(sources, (str, Path)) or hasattr(sources, "read")
     for item in [sources] if is_single else sources:
@@ -266,11 +335,11 @@ def _expand(
             continue
 
         for resolved in _resolve(item):
-            source = _store_stream(resolved, keep) if isinstance(resolved, _Stream) else resolved
-            if isinstance(source, Source) and _is_zip(source) and _decide(unzip, source):
-                yield from _zip_sources(source, keep)
+            found = _store_stream(resolved, how.keep) if isinstance(resolved, _Stream) else resolved
+            if isinstance(found, Source) and how.unpacks(found):
+                yield from _zip_sources(found, how)
             else:
-                yield source
+                yield found
 
 
 def _resolve(item: str | Path | BinaryIO) -> Iterator[Source | _Stream | InputError]:
@@ -310,7 +379,7 @@ def _in_memory(stream: _Stream) -> Source:
     return Source(
         stream.name,
         data=b"".join(_checked_chunks(stream)),
-        archive=stream.archive,
+        collection=stream.collection,
         stored_bytes=stream.stored_bytes,
     )
 
@@ -321,7 +390,9 @@ def _on_disk(stream: _Stream, path: Path) -> Source:
     with disk_errors_as_output_errors(), path.open("wb") as file:
         for chunk in _checked_chunks(stream):
             file.write(chunk)
-    return Source(stream.name, path=path, archive=stream.archive, stored_bytes=stream.stored_bytes)
+    return Source(
+        stream.name, path=path, collection=stream.collection, stored_bytes=stream.stored_bytes
+    )
 
 
 def _checked_chunks(stream: _Stream) -> Iterator[bytes]:
@@ -347,21 +418,12 @@ def _fetched_stream(name: str, data: bytes) -> _Stream:
     return _Stream(printable_name(name), lambda: iter((data,)))
 
 
-def _decide(unzip: bool | Callable[[Source], bool], archive: Source) -> bool:
-    return unzip(archive) if callable(unzip) else unzip
-
-
-def _is_zip(source: Source) -> bool:
-    try:
-        with source._open_stored() as stored:
-            return is_zip(stored.read(4))
-    except (InputError, OSError):
-        return False  # reading it reports the error
-
-
-def _zip_sources(source: Source, keep: _Keep) -> Iterator[Source | InputError]:
+def _zip_sources(
+    source: Source, how: _Expansion, depth: int = 1, outer: ExpansionLimit | None = None
+) -> Iterator[Source | InputError]:
     """Files in a zip archive, each stored before the next one is opened."""
     # Open the archive, whether in memory or on disk.
+    collection = source.collection or source.name
     file: Any
     try:
         if source.data is not None:
@@ -370,22 +432,74 @@ def _zip_sources(source: Source, keep: _Keep) -> Iterator[Source | InputError]:
             assert source.path is not None
             file = source.path.open("rb")
     except OSError as error:
-        yield InputError(_explain_error(error), path=source.name)
+        yield _in_collection(InputError(_explain_error(error), path=source.name), collection)
         return
 
     # Store each member; an unreadable one doesn't end the archive.
     with file:
-        for member in find_members(file, source.name):
+        for member in find_members(file, source.name, outer):
             if isinstance(member, InputError):
-                yield member
+                yield _in_collection(member, collection)
+                continue
+            name = f"{source.name}/{printable_name(member.name)}"
+            stream = _Stream(name, member.chunks, collection, member.stored_bytes)
+            stored = _store_wanted(stream, how)
+
+            # A member may be an archive, too.
+            if isinstance(stored, InputError):
+                yield _in_collection(stored, collection)
+            elif not how.unpacks(stored):
+                yield stored
+            elif depth < _MAX_DEPTH:
+                yield from _zip_sources(stored, how, depth + 1, member.limit)
             else:
-                yield _store_stream(_member_stream(member, source.name), keep)
+                too_deep = InputError(
+                    f"lies within more than {_MAX_DEPTH - 1} other zip archives",
+                    path=name,
+                    remedy="unpack it first",
+                )
+                yield _in_collection(too_deep, collection)
 
 
-def _member_stream(member: ZipMember, archive: str) -> _Stream:
-    return _Stream(
-        f"{archive}/{printable_name(member.name)}", member.chunks, archive, member.stored_bytes
+def _in_collection(error: InputError, collection: str) -> Source | InputError:
+    """A file of a collection that can't be read; an error about the whole collection as it is."""
+    if error.path is None or error.path == collection:
+        return error
+    return Source(error.path, collection=collection, error=error)
+
+
+def _store_wanted(stream: _Stream, how: _Expansion) -> Source | InputError:
+    """Store a file of an archive, or only its start if it can't be a log."""
+    if how.wanted is None:
+        return _store_stream(stream, how.keep)
+
+    # Read the start.
+    chunks = _checked_chunks(stream)
+    start = b""
+    try:
+        while len(start) < _HEAD_BYTES and (chunk := next(chunks, b"")):
+            start += chunk
+    except InputError as error:
+        return error
+
+    # Of a video, or a database of a gigabyte, no more is needed to say that it is none.
+    head = _unpack_start(start)
+    if is_zip(start) or how.wanted(stream.name, head):
+        whole = replace(stream, chunks=lambda: itertools.chain((start,), chunks))
+        return _store_stream(whole, how.keep)
+    return Source(
+        stream.name, data=head, collection=stream.collection, stored_bytes=stream.stored_bytes
     )
+
+
+def _unpack_start(start: bytes) -> bytes:
+    """Return the first bytes of a file, unpacked if it is packed with gzip."""
+    if not start.startswith(_GZIP):
+        return start[:_HEAD_BYTES]
+    try:
+        return zlib.decompressobj(_GZIP_WINDOW).decompress(start, _HEAD_BYTES)
+    except zlib.error:
+        return start[:_HEAD_BYTES]  # reading it reports the damage
 
 
 def _stream_name(stream: Any) -> str:
@@ -428,11 +542,42 @@ def _resolve_name(name: str) -> Iterator[Source | _Stream | InputError]:
         yield Source(shown, path=found.path, folder=path, stored_bytes=found.stored_bytes)
         return
 
-    # Else it is one log of Parquet files, maybe in partitions.
-    files = sorted(file for suffix in _PARQUET for file in path.rglob(f"*{suffix}"))
-    yield from (Source(printable_name(str(file)), path=file, folder=path) for file in files)
-    if not files:
-        yield InputError("is a folder", path=shown, remedy=folder_remedy(path, shown))
+    yield from _folder_sources(path, shown)
+
+
+def _folder_sources(folder: Path, shown: str) -> Iterator[Source | _Stream | InputError]:
+    """The files of a folder: one log if they are tables of Parquet, else logs among other files."""
+    # Parquet files are one log, maybe in partitions. What lies beside them is no part of it.
+    items = list(walk_folder(folder))
+    tables = [item for item in items if item.path.suffix in _PARQUET and not item.log]
+    collection = shown if len(tables) < len(items) else ""
+    if not items:
+        yield InputError("no file in this folder", path=shown, remedy="name one that holds logs")
+    for item in items:
+        found = _folder_source(item, collection)
+        if isinstance(found, Source) and item in tables:
+            found = replace(found, folder=folder)
+        yield found
+
+
+def _folder_source(item: FolderItem, collection: str) -> Source | _Stream | InputError:
+    """A file of a folder, or a log that is a folder in it."""
+    shown = printable_name(str(item.path))
+    if item.error is not None:
+        found: Source | _Stream | InputError = InputError(_explain_error(item.error), path=shown)
+    elif item.log is not None:
+        found = Source(
+            shown, path=item.log.path, folder=item.path, stored_bytes=item.log.stored_bytes
+        )
+    # Opening a pipe would wait for who writes to it.
+    elif item.path.exists() and not item.path.is_file():
+        found = UnknownFormatError("is no regular file", path=shown)
+    else:
+        found = _resolve_file(str(item.path), item.path)
+
+    if isinstance(found, InputError):
+        return _in_collection(found, collection) if collection else found
+    return replace(found, collection=collection)
 
 
 def _resolve_file(name: str, path: Path) -> Source | _Stream | InputError:

@@ -12,11 +12,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
-from gpszip.errors import InputError
+from gpszip.errors import InputError, UnknownFormatError
 from gpszip.io.storage.display_name import printable_name
 from gpszip.io.storage.expansion import ExpansionMeter
 
-__all__ = ["ZipMember", "find_members", "is_zip"]
+__all__ = ["ExpansionLimit", "ZipMember", "find_members", "is_hidden", "is_zip", "read_first"]
 
 #: First bytes of an archive with members, and of an empty one.
 _MAGIC = (b"PK\x03\x04", b"PK\x05\x06")
@@ -28,6 +28,7 @@ _READABLE_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _DOCUMENTS = {
     "xl/workbook.xml": "an Excel workbook; save the worksheet with the log as CSV",
     "META-INF/manifest.xml": "an OpenDocument file; save the worksheet with the log as CSV",
+    "word/document.xml": "a Word document; save the table with the log as CSV",
 }
 
 #: Suffix of the files of a KMZ archive that hold places; its others are what these show.
@@ -35,6 +36,10 @@ _KML_SUFFIX = ".kml"
 
 #: Suffixes of pictures and models, which come with the places of a KMZ archive.
 _SHOWN_SUFFIXES = (".png", ".jpg", ".jpeg", ".gif", ".bmp", ".tif", ".tiff", ".svg", ".dae")
+
+#: Names of files that are read before all others, in lower case. In exports of Google, they hold
+#: what devices measured, and the others what was made of it.
+_FIRST_NAMES = ("records.json", "timeline edits.json")
 
 #: Flag of an encrypted member.
 _ENCRYPTED = 1
@@ -68,11 +73,63 @@ class ZipMember:
     chunks : callable
         Yields its bytes while the archive is open. Raises an InputError if the member is damaged
         or expands beyond the limit.
+    limit : ExpansionLimit
+        The limit of the archive, against which the members of this one count, too, if it is an
+        archive itself.
     """
 
     name: str
     stored_bytes: int
     chunks: Callable[[], Iterator[bytes]]
+    limit: ExpansionLimit
+
+
+class ExpansionLimit:
+    """The limit on the expansion of an archive, and of those that it is in.
+
+    Parameters
+    ----------
+    meter : ExpansionMeter
+        Of the archive.
+    file : _CountingFile
+        The archive.
+    outer : ExpansionLimit, optional
+        Limit of the archive that it is in.
+    """
+
+    def __init__(
+        self, meter: ExpansionMeter, file: _CountingFile, outer: ExpansionLimit | None
+    ) -> None:
+        self._meter, self._file, self._outer = meter, file, outer
+
+    @property
+    def refused(self) -> bool:
+        """Whether a limit was exceeded."""
+        return self._meter.refused or (self._outer is not None and self._outer.refused)
+
+    def count(self, unpacked: int) -> None:
+        """Count unpacked bytes.
+
+        Raises
+        ------
+        InputError
+            If the expansion exceeds a limit.
+        """
+        self._meter.count(unpacked, self._file.bytes_read)
+        if self._outer is not None:
+            self._outer.count(unpacked)
+
+
+def read_first(name: str) -> int:
+    """Return the rank of a file of a folder or archive: lower ones are read first.
+
+    Examples
+    --------
+    >>> sorted(["a.gpx", "b/Timeline Edits.json", "c/Records.json"], key=read_first)
+    ['c/Records.json', 'b/Timeline Edits.json', 'a.gpx']
+    """
+    base = name.replace("\\", "/").rsplit("/", 1)[-1].lower()
+    return _FIRST_NAMES.index(base) if base in _FIRST_NAMES else len(_FIRST_NAMES)
 
 
 def is_zip(head: bytes) -> bool:
@@ -86,7 +143,9 @@ def is_zip(head: bytes) -> bool:
     return head[:4] in _MAGIC
 
 
-def find_members(file: BinaryIO, name: str) -> Iterator[ZipMember | InputError]:
+def find_members(
+    file: BinaryIO, name: str, outer: ExpansionLimit | None = None
+) -> Iterator[ZipMember | InputError]:
     r"""Find the files in an archive.
 
     Folders, hidden files and the files that macOS adds are ignored, and beside a KML file the
@@ -98,11 +157,14 @@ def find_members(file: BinaryIO, name: str) -> Iterator[ZipMember | InputError]:
         The archive; it must stay open while members are read.
     name : str
         Name of the archive for messages.
+    outer : ExpansionLimit, optional
+        Limit of the archive that it is in.
 
     Yields
     ------
     ZipMember or InputError
-        Members in the order of the archive; an error for a member that can't be read, or for the
+        Members in the order of the archive, those with what devices measured first in an export of
+        Google; an error for a member that can't be read, or for the
         archive.
 
     Examples
@@ -115,7 +177,7 @@ def find_members(file: BinaryIO, name: str) -> Iterator[ZipMember | InputError]:
     counted = _CountingFile(file)
     try:
         with zipfile.ZipFile(counted) as archive:
-            yield from _files_in(archive, counted, name)
+            yield from _files_in(archive, counted, name, outer)
     except _DAMAGE_ERRORS as error:
         yield InputError(
             f"damaged zip archive ({str(error)[:120]})", path=name, remedy="fetch it again"
@@ -123,12 +185,12 @@ def find_members(file: BinaryIO, name: str) -> Iterator[ZipMember | InputError]:
 
 
 def _files_in(
-    archive: zipfile.ZipFile, counted: _CountingFile, name: str
+    archive: zipfile.ZipFile, counted: _CountingFile, name: str, outer: ExpansionLimit | None
 ) -> Iterator[ZipMember | InputError]:
     """Find the files in an open archive, see :func:`find_members`."""
     # Leave out folders and hidden files, such as those that macOS adds, and pictures of KMZ.
     infos = archive.infolist()
-    files = [info for info in infos if not info.is_dir() and not _is_hidden(info.filename)]
+    files = [info for info in infos if not info.is_dir() and not is_hidden(info.filename)]
     if any(info.filename.lower().endswith(_KML_SUFFIX) for info in files):
         files = [info for info in files if not info.filename.lower().endswith(_SHOWN_SUFFIXES)]
 
@@ -144,27 +206,24 @@ def _files_in(
     # Refuse documents and empty archives.
     for member, description in _DOCUMENTS.items():
         if member in archive.NameToInfo:
-            yield InputError(f"is {description}", path=name)
+            yield UnknownFormatError(f"is {description}", path=name)
             return
     if not files:
-        yield InputError(
+        yield UnknownFormatError(
             "no file in this zip archive", path=name, remedy="name one that holds a log"
         )
 
     # All members count against one limit, whose error ends the archive.
     meter = ExpansionMeter(name, "unpack it yourself, and name the files")
-    for info in files:
-        if meter.refused:
+    limit = ExpansionLimit(meter, counted, outer)
+    for info in sorted(files, key=lambda info: read_first(info.filename)):
+        if limit.refused:
             return
-        yield _read_member(archive, info, counted, meter, f"{name}/{printable_name(info.filename)}")
+        yield _read_member(archive, info, limit, f"{name}/{printable_name(info.filename)}")
 
 
 def _read_member(
-    archive: zipfile.ZipFile,
-    info: zipfile.ZipInfo,
-    counted: _CountingFile,
-    meter: ExpansionMeter,
-    where: str,
+    archive: zipfile.ZipFile, info: zipfile.ZipInfo, limit: ExpansionLimit, where: str
 ) -> ZipMember | InputError:
     """A member that can be read, or the reason why it can't."""
     # Refuse what can't be unpacked: encrypted members and rare methods.
@@ -182,7 +241,7 @@ def _read_member(
         try:
             with archive.open(info) as stream:
                 while chunk := stream.read(_CHUNK_BYTES):
-                    meter.count(len(chunk), counted.bytes_read)
+                    limit.count(len(chunk))
                     yield chunk
         except _DAMAGE_ERRORS as error:
             raise InputError(
@@ -191,15 +250,21 @@ def _read_member(
                 remedy="fetch it again",
             ) from None
 
-    return ZipMember(info.filename, info.compress_size, read_chunks)
+    return ZipMember(info.filename, info.compress_size, read_chunks, limit)
 
 
-def _is_hidden(name: str) -> bool:
-    """Whether a file or one of its folders is hidden, or was added by macOS."""
+def is_hidden(name: str) -> bool:
+    """Whether a file or one of its folders is hidden, or was added by macOS.
+
+    Examples
+    --------
+    >>> is_hidden("a/.git/b.csv"), is_hidden("__MACOSX/a.csv"), is_hidden("a/b.csv")
+    (True, True, False)
+    """
     # Some programs write backslashes between folders.
     names = name.replace("\\", "/").split("/")
     has_dot = any(n.startswith(".") and n not in (".", "..") for n in names)
-    return names[0] == "__MACOSX" or has_dot
+    return "__MACOSX" in names or has_dot
 
 
 class _CountingFile(io.RawIOBase):

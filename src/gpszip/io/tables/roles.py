@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from gpszip.errors import InputError, OptionError
+from gpszip.errors import InputError, NoPositionsError, OptionError
 from gpszip.io.logs.raw import HEIGHT_NAMES
 from gpszip.io.values.coordinates import HEMISPHERES, Axis
 
@@ -245,7 +245,8 @@ def find_roles(
     time = _find_time(plain, find)
     if None in axes[:2] or (times and not time):
         shapes = "" if None in axes[:2] else "; or keep the shape alone: --no-times"
-        raise InputError(
+        kind = NoPositionsError if None in axes[:2] else InputError
+        raise kind(
             f"{_describe_missing(axes, time)}; columns found: {_list_names(names)}",
             path=where,
             remedy=f"{_NEEDED}; say which is which: --columns t=COLUMN{shapes}",

@@ -288,7 +288,7 @@ def test_a_folder_in_a_zip_archive_is_read_by_its_files(tmp_path, kind):
             archive.write(file, f"log/{file.name}")
     result = both_ways(tmp_path / "log.zip")
     assert result[0].positions.tolist() == loop()[1].tolist()
-    assert [item.name.endswith("metadata.yaml") for item in result.left_out] == [True]
+    assert [each.kinds for each in result.other_files] == [((".yaml", 1),)]
 
 
 @pytest.mark.parametrize("kind", ["sqlite", "mcap"])
@@ -300,12 +300,12 @@ def test_a_folder_counts_all_of_its_bytes(tmp_path, kind):
 
 
 @pytest.mark.parametrize("kind", ["sqlite", "mcap"])
-def test_a_folder_without_metadata_names_the_remedy(tmp_path, kind):
+def test_a_folder_without_metadata_is_read_by_its_files(tmp_path, kind):
     path = write_bag(tmp_path / "log", kind, of_loop(POSES["Odometry"]))
     (path / "metadata.yaml").unlink()
-    with pytest.raises(InputError) as caught:
-        read_logs(str(path))
-    assert "ros2 bag reindex" in caught.value.remedy
+    result = read_logs(str(path))
+    assert [track.positions.tolist() for track in result] == [loop()[1].tolist()]
+    assert result.complete
 
 
 @bags

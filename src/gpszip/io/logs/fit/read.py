@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.errors import InputError
+from gpszip.errors import InputError, NoPositionsError
 from gpszip.io.logs.fit.parse import FitRecords, parse_fit
 from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request, unused_name
 from gpszip.io.storage.source import Source
@@ -141,7 +141,7 @@ def _require_positions(records: FitRecords, request: Request, where: str) -> Non
     if len(positions):
         found.insert(0, f"{count_text(len(positions), 'record')} without one")
     kinds = " and ".join(dict.fromkeys(kind for kind in records.kinds if kind != "file")) or "FIT"
-    raise InputError(
+    raise NoPositionsError(
         f"no position in this {kinds} file, only messages: "
         f"{', '.join(found[:_MAX_SHOWN_MESSAGES]) or 'none'}",
         path=where,

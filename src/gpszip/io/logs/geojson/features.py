@@ -26,6 +26,7 @@ __all__ = [
     "Feature",
     "FeatureError",
     "Line",
+    "NoFeatureError",
     "Point",
     "PropertyNames",
     "position_table",
@@ -78,6 +79,10 @@ Floats = NDArray[np.float64]
 
 class FeatureError(ValueError):
     """A feature that can't be used; the message says why."""
+
+
+class NoFeatureError(FeatureError):
+    """An object that is no part of GeoJSON."""
 
 
 @dataclass(frozen=True)
@@ -358,7 +363,7 @@ def _find_members(element: Mapping[str, Any]) -> _Members:
         return _Members(element, {})
     if "geometry" not in element and element.get("type") != "Feature":
         members = abbreviate(list(element)[:_MAX_SHOWN_MEMBERS])[1:-1] or "nothing"
-        raise FeatureError(f"is neither a feature nor a geometry; it has: {members}")
+        raise NoFeatureError(f"is neither a feature nor a geometry; it has: {members}")
     properties = element.get("properties")
     return _Members(element.get("geometry"), properties if isinstance(properties, dict) else {})
 

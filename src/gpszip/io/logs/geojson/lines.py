@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.errors import InputError
+from gpszip.errors import InputError, NoPositionsError
 from gpszip.io.logs.geojson.attributes import join_attributes
 from gpszip.io.logs.geojson.features import BadPosition, Line
 from gpszip.io.logs.geojson.points import PointTable, dropped_positions_repair
@@ -73,15 +73,13 @@ class Contents:
     metric: set[bool] = field(default_factory=set)
     crs_problem: str = ""
 
-    def skip(self, feature: int, reason: str) -> None:
+    def skip(self, feature: int, reason: str, kind: type[InputError] = InputError) -> None:
         """Leave out a feature, or raise."""
         location = f"feature {feature}"
         if not self.skip_bad:
-            raise InputError(
-                reason, path=self.name, location=location, remedy="--skip-bad leaves it out"
-            )
+            raise kind(reason, path=self.name, location=location, remedy="--skip-bad leaves it out")
         if len(self.skipped) < _MAX_NAMED_FEATURES:
-            self.skipped.append(InputError(reason, path=self.name, location=location))
+            self.skipped.append(kind(reason, path=self.name, location=location))
         else:
             self.more_skipped += 1
 
@@ -93,7 +91,7 @@ def no_tracks_error(contents: Contents) -> InputError:
         return contents.skipped[0]
     kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(contents.others.items()))
     only = f", only {kinds}" if kinds else ""
-    return InputError(f"no LineString and no Point in it{only}", path=contents.name)
+    return NoPositionsError(f"no LineString and no Point in it{only}", path=contents.name)
 
 
 def list_left_out(contents: Contents, reason: str) -> tuple[LeftOut, ...]:

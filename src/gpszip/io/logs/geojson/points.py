@@ -168,7 +168,7 @@ class PointTable:
             raise InputError(
                 f"its points have {len(names):,} different properties, most of them in few",
                 path=self._name,
-                remedy="write it as CSV",
+                remedy="write only the time and the name of each point",
             )
 
         # Add a chunk to each property, after nulls for earlier rows that don't have it.

@@ -9,9 +9,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from gpszip.errors import InputError
+from gpszip.errors import InputError, NoPositionsError
 from gpszip.io.logs.geojson.crs import crs_problem
-from gpszip.io.logs.geojson.features import FeatureError, PropertyNames, read_feature
+from gpszip.io.logs.geojson.features import (
+    FeatureError,
+    NoFeatureError,
+    PropertyNames,
+    read_feature,
+)
 from gpszip.io.logs.geojson.json_columns import abbreviate
 from gpszip.io.logs.geojson.lines import (
     Contents,
@@ -133,7 +138,10 @@ def _add_feature(contents: Contents, element: Any, names: PropertyNames) -> None
     try:
         feature = read_feature(element, contents.features, names)
     except FeatureError as error:
-        contents.skip(contents.features, str(error))
+        # JSON that doesn't begin like GeoJSON is something else.
+        is_other = contents.features == 1 and isinstance(error, NoFeatureError)
+        kind = NoPositionsError if is_other else InputError
+        contents.skip(contents.features, str(error), kind)
         return
 
     # Lines
@@ -156,7 +164,9 @@ def _add_members(contents: Contents, members: dict[str, Any]) -> None:
         problem = "it has no 'features'"
         if "features" in members:
             problem = f"its 'features' is {abbreviate(members['features'])}, not a list"
-        raise InputError(f"no FeatureCollection as GeoJSON has it: {problem}", path=contents.name)
+        raise NoPositionsError(
+            f"no FeatureCollection as GeoJSON has it: {problem}", path=contents.name
+        )
     # Collections in metres are GPSZip's own, so a `crs` in them means nothing.
     metric = members.get("gpszip") == METRES_MEMBER["gpszip"]
     contents.metric.add(metric)

@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from gpszip.errors import InputError
+from gpszip.errors import InputError, NoPositionsError
 from gpszip.io.logs.google.entries import (
     DEVICE_LISTS,
     LISTS,
@@ -33,6 +33,7 @@ from gpszip.io.values.timestamps import times_to_seconds
 from gpszip.model.read_result import LeftOut, Repair
 
 __all__ = [
+    "history_list",
     "read_google",
     "read_google_batches",
     "read_google_paths",
@@ -46,7 +47,7 @@ _SNIFFED_LETTERS = 1000
 
 #: The start of a history: the first member of its object, or of the first entry of its list.
 _START = re.compile(
-    r"[\s\ufeff]*(?:\{\s*\"(?:locations|rawSignals|timelineEdits|semanticSegments|timelineObjects"
+    r"[\s\ufeff]*(?:\{\s*\"(locations|rawSignals|timelineEdits|semanticSegments|timelineObjects"
     r"|userLocationProfile)\"\s*:"
     r"|\[\s*\{\s*\"(?:startTime|endTime|timelinePath|visit|activity|timelineMemory)\"\s*:)"
 )
@@ -91,8 +92,24 @@ def sniff_google(head: bytes) -> bool:
     >>> sniff_google(b'{"locations": [{"latitudeE7": 480000000'), sniff_google(b'{"type": "Fea')
     (True, False)
     """
+    return _match_start(head) is not None
+
+
+def history_list(head: bytes) -> str:
+    """Return the name of the list with which a history begins; empty for a list without a name.
+
+    Examples
+    --------
+    >>> history_list(b'{"locations": [{"latitudeE7": 480000000')
+    'locations'
+    """
+    start = _match_start(head)
+    return "" if start is None else start[1] or ""
+
+
+def _match_start(head: bytes) -> re.Match[str] | None:
     text = head[: 4 * _SNIFFED_LETTERS].decode(detect_encoding(head), "ignore")
-    return _START.match(text[:_SNIFFED_LETTERS]) is not None
+    return _START.match(text[:_SNIFFED_LETTERS])
 
 
 def sniff_google_paths(_head: bytes) -> bool:
@@ -373,9 +390,9 @@ class _Reader:
     def _no_position_error(self) -> InputError:
         if self._counts.unread:
             reason = f"no path in this location history, only {self._counts.unread:,} positions"
-            return InputError(reason, path=self._name, remedy="--format google reads them")
+            return NoPositionsError(reason, path=self._name, remedy="--format google reads them")
         only = ", ".join(_shown(self._counts.others, with_counts=True))
-        return InputError(
+        return NoPositionsError(
             f"no position in this location history{f', only {only}' if only else ''}",
             path=self._name,
             remedy="export the timeline from the phone's settings, or Records.json",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gpszip.errors import InputError
+from gpszip.errors import NoPositionsError
 from gpszip.io.logs.log_format import LogBatches
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.logs.xml.batches import open_batches
@@ -93,7 +93,7 @@ def read_gpx(source: Source, request: Request) -> RawLog:
     if not collector.count:
         waypoints = count_text(collector.waypoints, "waypoint")
         only = f", only {waypoints}" if collector.waypoints else ""
-        raise InputError(
+        raise NoPositionsError(
             f"no track points{only}; GPSZip reads tracks (trk) and routes (rte)", path=source.name
         )
 

@@ -10,7 +10,7 @@ from collections import deque
 from dataclasses import replace
 from xml.parsers.expat import XMLParserType
 
-from gpszip.errors import InputError
+from gpszip.errors import NoPositionsError
 from gpszip.io.logs.kml.collector import KmlCollector, Notes
 from gpszip.io.logs.log_format import LogBatches
 from gpszip.io.logs.raw import RawLog, Request
@@ -91,7 +91,7 @@ def read_kml(source: Source, request: Request) -> RawLog:
     if not len(points):
         left_out = _left_out(collector.notes, source.name)
         only = ", ".join(item.name.removeprefix(f"{source.name}: ") for item in left_out)
-        raise InputError(
+        raise NoPositionsError(
             f"no tracks{only and ', only '}{only}; GPSZip reads tracks, points with times, and "
             "lines",
             path=source.name,

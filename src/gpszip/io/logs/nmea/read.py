@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.errors import InputError
+from gpszip.errors import InputError, NoPositionsError
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.nmea.epochs import (
     DAY,
@@ -247,7 +247,7 @@ class _Reader:
         found = [f"{n:,} {name}" for name, n in counts.others.most_common(_MAX_SHOWN_TYPES)]
         only = ", ".join(found) or "dates and speeds"
         is_ais = not _AIS.isdisjoint(counts.others)
-        return InputError(
+        return NoPositionsError(
             f"NMEA 0183 without a sentence of positions (RMC, GGA, GNS, GLL), only {only}",
             path=self._name,
             remedy="decode messages of AIS to CSV first" if is_ais else "record RMC or GGA",

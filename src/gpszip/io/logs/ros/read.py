@@ -8,7 +8,7 @@ from itertools import chain
 
 import numpy as np
 
-from gpszip.errors import InputError
+from gpszip.errors import NoPositionsError
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.logs.ros.bags import (
@@ -112,7 +112,7 @@ def _join(logs: Sequence[RawLog]) -> RawLog:
         name = logs[0].name if logs else ""
         counts = [f"{item.count:,} {item.what}" for log in logs for item in log.repairs]
         why = f": {', '.join(counts)}" if counts else ""
-        raise InputError(
+        raise NoPositionsError(
             f"holds no pose{why}", path=name, remedy="choose another --topic, or another bag"
         )
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.errors import InputError
+from gpszip.errors import InputError, NoPositionsError
 from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request
 from gpszip.io.logs.ros.bags import Bag, Message, Topic
 from gpszip.io.logs.ros.messages import (
@@ -154,7 +154,7 @@ def _choice_error(bag: Bag, found: Sequence[Topic], where: str) -> InputError:
         )
     listed = describe_topics(bag.topics) or "none"
     known = ", ".join(kind.replace("/msg/", "/") for kind in POSE_TYPES)
-    return InputError(
+    return NoPositionsError(
         f"no topic holds poses; its topics: {listed}", path=where, remedy=f"poses are {known}"
     )
 

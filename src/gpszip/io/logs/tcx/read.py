@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gpszip.errors import InputError
+from gpszip.errors import NoPositionsError
 from gpszip.io.logs.log_format import LogBatches
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.logs.xml.batches import open_batches
@@ -106,11 +106,11 @@ def read_tcx(source: Source, request: Request) -> RawLog:
     if not len(points):
         course_points = count_text(collector.waypoints, "course point")
         only = f", only {course_points}" if collector.waypoints else ""
-        raise InputError(
+        raise NoPositionsError(
             f"no trackpoint{only}; GPSZip reads activities and courses with trackpoints", path=where
         )
     if points.lat.null_count == len(points):
-        raise InputError(
+        raise NoPositionsError(
             f"none of {count_text(len(points), 'trackpoint')} has a position, as of a workout "
             "indoors",
             path=where,
