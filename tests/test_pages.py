@@ -41,6 +41,7 @@ PAGES = {
     "docs/known-maps.md": (),
     "docs/map.md": ("fleet",),
     "docs/coreset.md": (),
+    "docs/generators.md": (),
     "docs/matching.md": (),
     "docs/merging.md": ("north", "south"),
     "docs/networks.md": (),

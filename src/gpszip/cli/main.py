@@ -60,6 +60,7 @@ _COMMANDS = (
     "recover",
     "warm",
     "demo",
+    "experiment",
     "formats",
     "completion",
     "help",
