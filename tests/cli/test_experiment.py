@@ -34,7 +34,7 @@ def test_all_quick_writes_every_experiment(shell, tmp_path):
 
 def test_the_same_seed_gives_the_same_numbers(gpszip):
     for folder, seed in (("a", 3), ("b", 3), ("c", 4)):
-        run = gpszip(f"experiment table-8.2 --quick --seed {seed} -o {folder}")
+        run = gpszip(f"experiment figure-8.7 --quick --seed {seed} -o {folder}")
         assert run.code == 0, run.err
     assert without_seconds(Path("a")) == without_seconds(Path("b"))
     assert without_seconds(Path("a")) != without_seconds(Path("c"))

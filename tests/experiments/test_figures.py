@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from gpszip.experiments.experiment import Setting
+from gpszip.experiments.figure_8_2 import run as run_8_2
 from gpszip.experiments.figure_8_7 import run as run_8_7
 from gpszip.experiments.generators import run as run_generators
 from gpszip.segmentation.em import segment_mean
@@ -42,3 +43,13 @@ def test_generators_are_counted_and_drawn():
     for row in outcome.tables[0].rows:
         assert 0 < row["travelled"] <= row["edges"]
         assert row["travelled"] <= row["traversals"]
+
+
+def test_maps_of_the_quadrotor_keep_their_errors():
+    outcome = run_8_2(Setting(quick=True))
+    rows = outcome.tables[0].rows
+    for row, bound in zip(rows, (10, 3), strict=True):
+        assert row["rmse_m"] <= 1.05 * bound
+    assert rows[0]["nodes"] < rows[1]["nodes"]
+    collections = [picture.figure.axes[0].collections for picture in outcome.pictures]
+    assert [len(each) for each in collections] == [0, 1, 1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gpszip.experiments.comparison import pipeline_table
+from gpszip.experiments.comparison import archive_table, pipeline_table
 from gpszip.experiments.curves import Curve, draw_curves
 from gpszip.experiments.experiment import Outcome, Picture, Setting
 from gpszip.experiments.published import TABLE_8_2
@@ -56,4 +56,4 @@ def run(setting: Setting) -> Outcome:
             draw_curves(maps, share, "nodes and edges"),
         ),
     )
-    return Outcome((pipeline_table(compared),), pictures)
+    return Outcome((pipeline_table(compared), archive_table(compared)), pictures)

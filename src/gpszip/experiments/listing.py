@@ -47,6 +47,11 @@ EXPERIMENTS: tuple[Experiment, ...] = (
         "gpszip.experiments.table_8_2",
     ),
     Experiment(
+        "figure-8.2",
+        "the quadrotor's log, and its map by the thesis's pipeline",
+        "gpszip.experiments.figure_8_2",
+    ),
+    Experiment(
         "figure-8.7",
         "RMSE over m, and over the size of the coreset, for k = 200",
         "gpszip.experiments.figure_8_7",

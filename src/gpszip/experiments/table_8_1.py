@@ -19,7 +19,7 @@ from gpszip.testing import patrol, person, quadrotor, taxis
 __all__ = ["LogKind", "generated_logs", "run"]
 
 #: Samples of each log of a quick run.
-_QUICK = 1_500
+_QUICK = 800
 
 #: Blocks of the robot's coreset, which have at most 8 samples each: about as many as in the thesis.
 _ROBOT_BLOCKS = 1_000

@@ -259,7 +259,7 @@ def _rows(values: NDArray[np.float64]) -> bytes:
     Examples
     --------
     >>> _rows(np.array([[1.0, -2.5]]))
-    b'1.000,-2.500\\n'
+    b'1.000,-2.500\n'
     """
     form = ",".join([f"%.{_DECIMALS}f"] * values.shape[1]) + "\n"
     return (form * len(values) % tuple(values.ravel().tolist())).encode()
