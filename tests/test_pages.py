@@ -43,6 +43,7 @@ PAGES = {
     "docs/known-maps.md": (),
     "docs/map.md": ("fleet",),
     "docs/coreset.md": (),
+    "docs/generators.md": (),
     "docs/matching.md": (),
     "docs/merging.md": ("north", "south"),
     "docs/networks.md": (),

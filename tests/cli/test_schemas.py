@@ -68,6 +68,7 @@ COMMANDS = [
     "recover walk.gpsz -o out.gpsz",
     "formats",
     "demo --out demo --points 200",
+    "experiment generators -o out",
 ]
 
 

@@ -61,6 +61,7 @@ _COMMANDS = (
     "recover",
     "warm",
     "demo",
+    "experiment",
     "formats",
     "completion",
     "help",

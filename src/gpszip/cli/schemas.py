@@ -389,6 +389,13 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
         },
         {},
     ),
+    "experiment": (
+        {
+            "folder": "string: where the files are",
+            "written": _list("string: a file", "what was written"),
+        },
+        {},
+    ),
     "formats": (_FORMATS, {}),
 }
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from gpszip.errors import MissingExtraError, OptionError, OutputError
 
@@ -24,6 +24,7 @@ __all__ = [
     "MM_PER_INCH",
     "PAGE_WIDTH",
     "PICTURE_FORMATS",
+    "FigureType",
     "Layout",
     "new_figure",
     "picture_format",
@@ -33,6 +34,9 @@ __all__ = [
     "size_in_mm",
     "style",
 ]
+
+#: The type of figures, for annotations where matplotlib is not imported.
+FigureType: TypeAlias = "Figure"
 
 #: Formats of pictures by the suffixes of their files; the first is that of standard output.
 PICTURE_FORMATS = ("png", "svg", "pdf")

@@ -1,6 +1,23 @@
 """Synthetic logs and hypothesis strategies, for tests of GPSZip and of software that uses it."""
 
 from gpszip.testing.city import city, drives
-from gpszip.testing.patrol import patrol
+from gpszip.testing.graphs import complete_graph, ring
+from gpszip.testing.log_with_truth import LogWithTruth
+from gpszip.testing.patrol import patrol, patrol_with_truth
+from gpszip.testing.person import person
+from gpszip.testing.quadrotor import quadrotor
+from gpszip.testing.taxis import fleet, taxis
 
-__all__ = ["city", "drives", "patrol"]
+__all__ = [
+    "LogWithTruth",
+    "city",
+    "complete_graph",
+    "drives",
+    "fleet",
+    "patrol",
+    "patrol_with_truth",
+    "person",
+    "quadrotor",
+    "ring",
+    "taxis",
+]

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.model import Track
+from gpszip.model import Track, Walk
+from gpszip.testing.log_with_truth import LogWithTruth, one_track
+from gpszip.testing.noise import drift, smooth
 
-__all__ = ["patrol"]
+__all__ = ["patrol", "patrol_with_truth"]
 
 #: Samples per second.
 _RATE = 12.95
@@ -80,6 +82,40 @@ def patrol(
     >>> len(track), track.dimension, round(track.times[-1])
     (1000, 2, 77)
     """
+    return patrol_with_truth(
+        points, seed=seed, corridors=corridors, jitter=jitter, sway=sway, noise=noise, id=id
+    ).tracks[0]
+
+
+def patrol_with_truth(
+    points: int = 72_273,
+    *,
+    seed: int = 1,
+    corridors: int = 25,
+    jitter: float = 0.002,
+    sway: float = 0.12,
+    noise: float = 0.05,
+    id: str = "0",
+) -> LogWithTruth:
+    """Generate the log of :func:`patrol` with its truth.
+
+    The map has the corridors, straight from crossing to crossing. The walk has the time at which
+    the robot passes each crossing. True positions are on the line that it drives, which rounds
+    corners and sways about the corridors; it pauses within corridors, too.
+
+    The parameters are those of :func:`patrol`.
+
+    Returns
+    -------
+    LogWithTruth
+        One track.
+
+    Examples
+    --------
+    >>> log = patrol_with_truth(1000)
+    >>> log, log.walks[0].nodes.tolist()
+    (LogWithTruth(1 track, 1,000 samples, 20 nodes, 25 edges), [0, 17, 0, 1])
+    """
     # The building, the sample times and the metres driven at each.
     rng = np.random.default_rng(seed)
     crossings, neighbours = _build_corridors(corridors, rng)
@@ -87,11 +123,38 @@ def patrol(
     driven = _drive_odometer(times, rng)
 
     # The driven line, and the positions on it.
-    tour = _plan_tour(crossings, neighbours, driven[-1], rng)
-    line = _add_sway(_round_corners(tour), sway, rng)
+    route = _plan_tour(crossings, neighbours, driven[-1], rng)
+    line = _add_sway(_round_corners(crossings[route]), sway, rng)
     along = np.arange(len(line)) * _STEP
-    positions = np.column_stack([np.interp(driven, along, line[:, axis]) for axis in (0, 1)])
-    return Track(id, times, positions + _drift(len(times), noise, rng))
+    truth = np.column_stack([np.interp(driven, along, line[:, axis]) for axis in (0, 1)])
+    errors = drift(len(times), noise, _DRIFT_TIME * _RATE, rng)
+
+    # Both ends of each corridor once.
+    edges = np.array([(u, v) for u, ends in enumerate(neighbours) for v in ends if u < v], np.int32)
+    walk = _pass_crossings(id, route, crossings, times, driven)
+    return one_track(Track(id, times, truth + errors), truth, crossings, edges, walk)
+
+
+def _pass_crossings(
+    name: str,
+    route: list[int],
+    crossings: NDArray[np.float64],
+    times: NDArray[np.float64],
+    driven: NDArray[np.float64],
+) -> Walk:
+    """Return the walk: the crossings of a route up to the one ahead at the end, with times."""
+    # Metres to each crossing, as far as the one that the robot is heading for.
+    nodes = np.array(route, np.int32)
+    steps = np.linalg.norm(np.diff(crossings[nodes], axis=0), axis=1)
+    along = np.append(0.0, np.cumsum(steps))
+    count = max(int(np.searchsorted(along, driven[-1])) + 1, 2)
+    nodes, along = nodes[:count], along[:count]
+
+    # It would reach that one at the mean speed.
+    passed = np.interp(along, driven, times)
+    passed[-1] = times[-1] + (along[-1] - driven[-1]) / _SPEED
+    gaps = np.zeros(count - 1, np.bool_)
+    return Walk(name, nodes, passed, gaps, times[[0, -1]][None])
 
 
 def _build_corridors(
@@ -134,8 +197,8 @@ def _plan_tour(
     neighbours: list[list[int]],
     length: float,
     rng: np.random.Generator,
-) -> NDArray[np.float64]:
-    """Corners of a random walk at least ``length`` metres long.
+) -> list[int]:
+    """Crossings of a random walk at least ``length`` metres long.
 
     It turns back in dead ends only, and prefers some corridors.
     """
@@ -149,7 +212,7 @@ def _plan_tour(
         before = crossing
         route.append(options[int(rng.choice(len(options), p=weights / weights.sum()))])
         walked += float(np.linalg.norm(crossings[route[-1]] - crossings[crossing]))
-    return crossings[route]
+    return route
 
 
 def _round_corners(corners: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -157,7 +220,7 @@ def _round_corners(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     along = np.r_[0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))]
     steps = np.arange(0, along[-1], _STEP)
     return np.column_stack(
-        [_smooth(np.interp(steps, along, corners[:, axis]), 8) for axis in (0, 1)]
+        [smooth(np.interp(steps, along, corners[:, axis]), 8) for axis in (0, 1)]
     )
 
 
@@ -166,7 +229,7 @@ def _add_sway(
 ) -> NDArray[np.float64]:
     """Move a line sideways by a smooth random offset."""
     # Offsets with the given standard deviation.
-    offset = _smooth(rng.standard_normal(len(line)), 30)
+    offset = smooth(rng.standard_normal(len(line)), 30)
     offset *= sway / max(float(offset.std()), 1e-12)
 
     # Move along the normals.
@@ -189,7 +252,7 @@ def _sample_times(points: int, jitter: float, rng: np.random.Generator) -> NDArr
 def _drive_odometer(times: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
     """Metres driven until each time. The speed varies by a quarter, with a pause in 2 minutes."""
     # A smooth random speed.
-    variation = _smooth(rng.standard_normal(len(times)), 100)
+    variation = smooth(rng.standard_normal(len(times)), 100)
     variation = 0.25 * variation / max(float(variation.std()), 1e-12)
     speed = np.clip(_SPEED * (1 + variation), 0.05, 0.6)
 
@@ -198,17 +261,3 @@ def _drive_odometer(times: NDArray[np.float64], rng: np.random.Generator) -> NDA
         speed[start : start + int(rng.integers(5, 60) * _RATE)] = 0
     driven: NDArray[np.float64] = np.r_[0, np.cumsum(speed[1:] * np.diff(times))]
     return driven
-
-
-def _drift(points: int, noise: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Position errors of a first-order autoregressive process, by a truncated filter."""
-    memory = np.exp(-np.arange(int(8 * _DRIFT_TIME * _RATE)) / (_DRIFT_TIME * _RATE))
-    shocks = rng.normal(0, noise / np.sqrt((memory**2).sum()), (points + len(memory) - 1, 2))
-    return np.column_stack([np.convolve(shocks[:, axis], memory, mode="valid") for axis in (0, 1)])
-
-
-def _smooth(values: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
-    """Gaussian smoothing over sigma samples; the end values are repeated beyond the ends."""
-    reach = int(4 * sigma)
-    window = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    return np.convolve(np.pad(values, reach, mode="edge"), window / window.sum(), mode="valid")

@@ -15,7 +15,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from gpszip.errors import InputError
+from gpszip.errors import InputError, NoPositionsError
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request
 from gpszip.io.storage.source import Source
@@ -131,7 +131,7 @@ class Findings:
     def no_point_error(self) -> InputError:
         """Return the error for a file without points, which names what it holds instead."""
         found = ", ".join(f"{count.number:,} {what}" for what, count in self._counts.items())
-        return InputError(
+        return NoPositionsError(
             f"{self.empty}{f': {found}' if found else ''}", path=self.name, remedy=self.remedy
         )
 

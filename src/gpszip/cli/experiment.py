@@ -1,0 +1,183 @@
+"""gpszip experiment: run the experiments of the thesis."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpszip.cli.options import (
+    Settings,
+    common_options,
+    force,
+    quiet,
+    robot_options,
+    skip_bad_logs,
+    time_options,
+    time_order_options,
+)
+from gpszip.cli.outcome import Outcome
+from gpszip.cli.units import LENGTH
+from gpszip.experiments.listing import ALL, EXPERIMENTS, experiments_named
+
+if TYPE_CHECKING:
+    from gpszip.experiments.experiment import Setting
+    from gpszip.model import ReadResult
+
+__all__ = ["command"]
+
+#: Help of the command; ``\\b`` keeps the lines below it.
+_HELP = "\n".join(
+    [
+        "Run experiment NAME of the thesis, and write its tables and figures to a folder.",
+        "",
+        "Logs are generated, unless LOGs are given. Tables are Markdown, CSV and JSON, figures PNG",
+        "and SVG; each says how it was made.",
+        "",
+        "\b",
+        *(f"{each.name:<12}{each.description}" for each in EXPERIMENTS),
+        f"{ALL:<12}all of them",
+    ]
+)
+
+
+@click.command("experiment", help=_HELP, short_help="Run the experiments of the thesis.")
+@click.argument("name", metavar="NAME", type=click.Choice([*(e.name for e in EXPERIMENTS), ALL]))
+@click.argument("logs", metavar="[LOG]...", nargs=-1)
+@click.option(
+    "-o",
+    "--output",
+    "folder",
+    metavar="DIR",
+    default="gpszip-experiments",
+    show_default=True,
+    help="Folder to write to.",
+)
+@click.option("--quick", is_flag=True, help="Small logs and few settings, to try it.")
+@click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=1,
+    show_default=True,
+    help="Seed of the generated logs.",
+)
+@click.option(
+    "--rmse",
+    type=LENGTH,
+    metavar="LENGTH",
+    help="RMSE of the thesis's pipeline in tables; by default that of the thesis for generated "
+    "logs, and that at the elbow of the cost for yours.",
+)
+@time_order_options
+@skip_bad_logs
+@click.option("--columns", metavar="ROLES", help="Which column of LOG is what: t=when,x=east.")
+@time_options
+@robot_options
+@quiet
+@force
+@common_options
+@click.pass_obj
+def command(
+    settings: Settings,
+    /,
+    name: str,
+    logs: tuple[str, ...],
+    folder: str,
+    quick: bool,
+    seed: int,
+    rmse: float | None,
+    quiet: bool,
+    force: bool,
+    **reading: Any,
+) -> Outcome:
+    """Run experiments."""
+    from gpszip.cli.output import print_json, print_status
+    from gpszip.cli.summary import print_losses
+    from gpszip.drawing.style import require_matplotlib
+    from gpszip.experiments.experiment import Setting
+    from gpszip.io.logs.read import read_logs
+
+    # Refuse what can be refused before any work.
+    require_matplotlib()
+    target = _prepare_folder(Path(folder))
+
+    # Read the user's logs, and run.
+    read_result = read_logs(logs, **reading) if logs else None
+    if read_result is not None and not quiet and not settings.json:
+        print_losses(read_result)
+    tracks = () if read_result is None else tuple(_with_times(read_result))
+    setting = Setting(tracks, rmse, seed, quick)
+    written: list[str] = []
+    for experiment in experiments_named(name):
+        if not quiet and not settings.json:
+            print_status(f"{experiment.name}: {experiment.description}")
+        text = _command_text(experiment.name, logs, setting)
+        written += _run(experiment.module, experiment.name, setting, target, text, force=force)
+
+    # Say what was written.
+    if settings.json:
+        print_json({"folder": folder, "written": written})
+    elif not quiet:
+        print_status(f"in {folder}: {', '.join(written)}")
+    return Outcome.DONE if read_result is None or read_result.complete else Outcome.LEFT_OUT
+
+
+def _prepare_folder(folder: Path) -> Path:
+    """Make the folder that is to hold the files."""
+    from gpszip.errors import OutputError
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"can't be made ({error.strerror})",
+            path=folder,
+            remedy="name another folder with -o",
+        ) from error
+    return folder
+
+
+def _with_times(read_result: ReadResult) -> list[Any]:
+    """Return the tracks with times; experiments can't do with others."""
+    from gpszip.errors import OptionError
+
+    tracks = [track for track in read_result.tracks if track.timed and len(track) > 1]
+    if not tracks:
+        raise OptionError(
+            "no track has two points with times, which experiments need",
+            remedy="give a log with times",
+        )
+    return tracks
+
+
+def _run(
+    module: str, name: str, setting: Setting, folder: Path, text: str, *, force: bool
+) -> list[str]:
+    """Run one experiment, write its files, and return their names."""
+    from importlib import import_module
+
+    from gpszip import __version__
+    from gpszip.experiments.write import write_outcome
+
+    (experiment,) = experiments_named(name)
+    outcome = import_module(module).run(setting)
+    return write_outcome(
+        experiment,
+        outcome,
+        folder,
+        seed=setting.seed,
+        command=text,
+        version=__version__,
+        force=force,
+    )
+
+
+def _command_text(name: str, logs: tuple[str, ...], setting: Setting) -> str:
+    """Return the command that runs one experiment the same way, with all that changes numbers."""
+    words = ["gpszip", "experiment", name, *map(shlex.quote, logs)]
+    words += ["--quick"] if setting.quick else []
+    words += ["--seed", str(setting.seed)]
+    words += [] if setting.rmse is None else ["--rmse", f"{setting.rmse:g}m"]
+    return " ".join(words)

@@ -1,0 +1,102 @@
+"""Charts of curves with their names, over two axes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from gpszip.drawing.chart import chart_figure
+from gpszip.drawing.style import CYCLE, FigureType, Layout, require_matplotlib, style
+
+__all__ = ["Curve", "draw_curves"]
+
+#: Width of charts in millimetres.
+_WIDTH = 120.0
+
+#: Place of the label of the upright axis, relative to the width of the axes.
+_LABEL = -0.09
+
+#: Height of charts relative to their width.
+_ASPECT = 0.6
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One curve.
+
+    Parameters
+    ----------
+    name : str
+        Stands in the legend.
+    xs, ys : sequence of float
+        Its points.
+    dashed : bool, default False
+        Whether it is dashed, for numbers that were not computed here.
+    """
+
+    name: str
+    xs: Sequence[float]
+    ys: Sequence[float]
+    dashed: bool = False
+
+
+def draw_curves(
+    curves: Sequence[Curve], x_label: str, y_label: str, *, log_x: bool = False, log_y: bool = False
+) -> FigureType:
+    """Draw curves on linear or logarithmic axes, with a legend of their names."""
+    require_matplotlib()
+    with style():
+        # The legend stands within the axes.
+        figure, axes = chart_figure(Layout(_WIDTH, legend=False), _ASPECT)
+        for number, curve in enumerate(curves):
+            axes.plot(
+                curve.xs,
+                curve.ys,
+                color=CYCLE[number % len(CYCLE)],
+                linestyle="--" if curve.dashed else "-",
+                marker="o",
+                markersize=3,
+                linewidth=1,
+                label=curve.name,
+            )
+
+        # Scales, and ticks as plain numbers: on a logarithmic scale at 1, 2 and 5.
+        axes.set_xscale("log" if log_x else "linear")
+        axes.set_yscale("log" if log_y else "linear")
+        for axis, is_log in ((axes.xaxis, log_x), (axes.yaxis, log_y)):
+            if is_log:
+                axis.set_ticks(_round_numbers(*axis.get_view_interval()))
+                axis.set_ticks([], minor=True)
+            axis.set_major_formatter(lambda value, _: _plain(value))
+
+        # What the axes and curves are.
+        axes.set_xlabel(x_label)
+        axes.set_ylabel(y_label)
+        axes.yaxis.set_label_coords(_LABEL, 0.5)
+        axes.legend(frameon=False)
+    return figure
+
+
+def _round_numbers(low: float, high: float) -> list[float]:
+    """Return 1, 2 and 5 times powers of ten in a range.
+
+    Examples
+    --------
+    >>> _round_numbers(0.3, 12.0)
+    [0.5, 1.0, 2.0, 5.0, 10.0]
+    """
+    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    numbers = [digit * 10.0**power for power in powers for digit in (1, 2, 5)]
+    return [number for number in numbers if low <= number <= high]
+
+
+def _plain(value: float) -> str:
+    """Format a number without an exponent.
+
+    Examples
+    --------
+    >>> _plain(1e6), _plain(0.2)
+    ('1,000,000', '0.2')
+    """
+    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.6g}"

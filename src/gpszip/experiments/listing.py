@@ -1,0 +1,82 @@
+"""The table of all experiments, from which help texts and documentation take their lists.
+
+Importing it imports none of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["ALL", "EXPERIMENTS", "Experiment", "experiments_named"]
+
+#: Name that stands for all experiments.
+ALL = "all"
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One experiment.
+
+    Parameters
+    ----------
+    name : str
+        Name by which users choose it, and of its files.
+    description : str
+        What it shows.
+    module : str
+        Module with its function ``run``, which takes a
+        :class:`~gpszip.experiments.experiment.Setting` and returns an
+        :class:`~gpszip.experiments.experiment.Outcome`.
+    """
+
+    name: str
+    description: str
+    module: str
+
+
+#: All experiments, in the order in which ``all`` runs them.
+EXPERIMENTS: tuple[Experiment, ...] = (
+    Experiment(
+        "table-8.1",
+        "compression of all logs: bzip2, the thesis's pipeline, the archive",
+        "gpszip.experiments.table_8_1",
+    ),
+    Experiment(
+        "table-8.2",
+        "compression of the first 10 % to 100 % of the robot's log",
+        "gpszip.experiments.table_8_2",
+    ),
+    Experiment(
+        "figure-8.2",
+        "the quadrotor's log, and its map by the thesis's pipeline",
+        "gpszip.experiments.figure_8_2",
+    ),
+    Experiment(
+        "figure-8.7",
+        "RMSE over m, and over the size of the coreset, for k = 200",
+        "gpszip.experiments.figure_8_7",
+    ),
+    Experiment(
+        "figure-8.8",
+        "size of the output, and ratio, over the size of the input, of table 8.2",
+        "gpszip.experiments.figure_8_8",
+    ),
+    Experiment(
+        "generators",
+        "the generated logs over their true maps",
+        "gpszip.experiments.generators",
+    ),
+)
+
+
+def experiments_named(name: str) -> tuple[Experiment, ...]:
+    """Return the experiments that a name stands for; none if there is no such name.
+
+    Examples
+    --------
+    >>> [each.name for each in experiments_named("table-8.1")]
+    ['table-8.1']
+    >>> len(experiments_named("all")) == len(EXPERIMENTS)
+    True
+    """
+    return tuple(each for each in EXPERIMENTS if name in (each.name, ALL))

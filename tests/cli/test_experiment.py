@@ -1,0 +1,74 @@
+import csv
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from gpszip.experiments.listing import EXPERIMENTS
+
+ROOT = Path(__file__).parents[2]
+
+
+def without_seconds(folder):
+    """Tables of all experiments of a folder, but for the time that they took."""
+    found = {}
+    for path in sorted(folder.glob("*.csv")):
+        if not path.stem.endswith("seconds"):
+            rows = [line for line in path.read_text().splitlines() if not line.startswith("#")]
+            found[path.name] = list(csv.DictReader(rows))
+    return found
+
+
+def test_all_quick_writes_every_experiment(shell, tmp_path):
+    done = shell("experiment all --quick -o out --json")
+    assert done.returncode == 0, done.stderr
+    written = json.loads(done.stdout)["written"]
+    assert sorted(written) == sorted(path.name for path in (tmp_path / "out").iterdir())
+    for experiment in EXPERIMENTS:
+        page = (tmp_path / "out" / f"{experiment.name}.md").read_text()
+        assert f"`gpszip experiment {experiment.name} --quick --seed 1`" in page
+        for name in re.findall(r"!\[.*?\]\((.*?)\)", page):
+            assert (tmp_path / "out" / name).stat().st_size > 2000
+
+
+def test_the_same_seed_gives_the_same_numbers(gpszip):
+    for folder, seed in (("a", 3), ("b", 3), ("c", 4)):
+        run = gpszip(f"experiment figure-8.7 --quick --seed {seed} -o {folder}")
+        assert run.code == 0, run.err
+    assert without_seconds(Path("a")) == without_seconds(Path("b"))
+    assert without_seconds(Path("a")) != without_seconds(Path("c"))
+
+
+def test_a_log_of_the_user_is_compressed_both_ways(gpszip, log):
+    run = gpszip("experiment table-8.1 walk.csv --rmse 2m -o out")
+    assert run.code == 0, run.err
+    (row,) = json.loads(Path("out/table-8.1.json").read_text())["tables"]["main"]
+    assert row["points"] == 200
+    assert row["rmse_m"] < 2.1
+    assert "walk.csv" in Path("out/table-8.1.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        ("experiment table-9.9", 2, "table-8.1"),
+        ("experiment table-8.2 none.csv", 1, "none.csv"),
+        ("experiment table-8.2 --quick -o walk.csv", 1, "name another folder"),
+        ("experiment table-8.2 shape.geojson -o out", 2, "times"),
+    ],
+)
+def test_mistakes_are_told(gpszip, log, words, code, message):
+    shape = {"type": "LineString", "coordinates": [[0, 0], [1, 1], [2, 1]]}
+    Path("shape.geojson").write_text(json.dumps(shape))
+    run = gpszip(words)
+    assert run.code == code
+    assert message in run.err
+
+
+def test_help_and_documentation_list_all_experiments(gpszip):
+    out = gpszip("experiment --help").out
+    page = (ROOT / "docs" / "experiments.md").read_text()
+    for experiment in EXPERIMENTS:
+        assert experiment.name in out
+        assert experiment.name in page
