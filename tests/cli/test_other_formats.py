@@ -144,7 +144,7 @@ def test_poses_of_a_robot_come_back(shell, tmp_path):
 
 def test_formats_lists_them(shell):
     listed = shell("formats").stdout.decode()
-    assert "needs gpszip[hdf5]" in listed
+    assert "gpszip[hdf5]" in listed
     names = "owntracks igc plt readsb ais sumo carmen npz hdf5 ulog dataflash tlog"
     assert all(f"\n  {name} " in listed for name in names.split())
 

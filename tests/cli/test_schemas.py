@@ -62,6 +62,8 @@ COMMANDS = [
     "join two.gpsz -o out.gpsz",
     "view walk.gpsz -o out.html",
     "view walk.gpsz --raw rough.csv -o out.html",
+    "diff walk.gpsz walk.csv",
+    "diff walk.gpsz two.gpsz",
     "info walk.gpsz",
     "info two.gpsz --detail",
     "verify walk.gpsz",
@@ -87,6 +89,14 @@ def test_a_dry_run_has_a_schema_of_its_own(gpszip, files):
         run = gpszip(f"compress rough.csv -o out.gpsz --effort 1 {options} --dry-run --json")
         assert run.code == 0, run.err
         check(run.json, "compress --dry-run")
+
+
+def test_bytes_have_schemas_of_their_own(gpszip, files):
+    assert gpszip("compress walk.csv -o exact.gpsz --effort 1 --lossless").code == 0
+    for words in ("diff exact.gpsz walk.csv --exact", "decompress exact.gpsz --exact -o back.csv"):
+        run = gpszip(f"{words} --json")
+        assert run.code == 0, run.err
+        check(run.json, f"{words.split()[0]} --exact")
 
 
 def test_json_on_standard_error_has_the_same_form(gpszip, files):

@@ -26,7 +26,7 @@ def shuttle(id, n, *, start=0.0):
 
 @pytest.fixture(scope="module")
 def rounds():
-    return patrol(12_000, seed=3)
+    return patrol(24_000, seed=3)
 
 
 def test_a_small_log_is_known_exactly():
@@ -93,7 +93,7 @@ def test_what_is_appended_has_the_bound_and_the_columns_of_the_archive():
 
 
 def test_tracks_of_one_name_in_the_archive_and_in_parts_of_the_log_do_not_clash():
-    log = patrol(11_000, seed=1)
+    log = patrol(21_000, seed=1)
     archive, _ = compress(
         Track(log.id, log.times - 1e6, log.positions), Options(rmse=1.0, effort=1)
     )

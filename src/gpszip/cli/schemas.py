@@ -185,6 +185,55 @@ _INFO: Fields = {
     "epoch": "number: zero of the archive's times, in seconds",
     "origin": _list("number: a coordinate", "zero of the archive's positions in metres"),
     "planes": _list(_list("number: degrees", "latitude and longitude"), "centres of planes"),
+    "exact_logs": _list("string: a log", "logs kept byte by byte"),
+    "curves": _list(
+        _object(
+            {
+                "name": "string: the column",
+                "bound": "number: largest error at any sample",
+                "bytes": "integer: what it takes",
+            }
+        ),
+        "columns kept within an error",
+    ),
+}
+
+#: Distances between positions at one time.
+_DISTANCES: Fields = {
+    "mean": "number|null: mean distance in metres",
+    "rmse": "number|null: root of the mean square in metres",
+    "percentile_95": "number|null: distance in metres that 95 % don't exceed",
+    "maximum": "number|null: largest distance in metres",
+    "compared": "integer: times that were compared",
+}
+
+#: What gpszip diff says of one track.
+_TRACK_DIFFERENCE: Fields = {
+    "id": "string: the track",
+    "compared_at": "string|null: whose times were compared",
+    "distances": _object(_DISTANCES, "distances at one time"),
+    "at": "number|null: time of the largest distance in seconds",
+    "hausdorff": "number|null: Hausdorff distance of the lines in metres",
+    "frechet": "number|null: Fréchet distance in metres",
+    "discrete_frechet": "number|null: discrete Fréchet distance in metres",
+    "within": "number: by how much both may be off, in metres",
+    "discrete_within": "number: by how much the discrete one may be off, in metres",
+    "lengths": _list("number: metres", "length of A and of B"),
+    "durations": _list("number: seconds", "duration of A and of B without gaps"),
+    "unmatched": _list("integer: samples", "samples of A and of B without counterpart"),
+    "alone": _list(
+        _list(_list("number: seconds", "begin and end"), "time ranges"),
+        "when only A travels, and when only B",
+    ),
+}
+
+#: A place where A and B are far apart.
+_FAR_PLACE: Fields = {
+    "id": "string: the track",
+    "time": "number: seconds",
+    "distance": "number: metres",
+    "first": _list("number: a coordinate", "position in A"),
+    "second": _list("number: a coordinate", "position in B"),
 }
 
 #: What is known after decoding.
@@ -361,6 +410,35 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "join": (_ARCHIVE, {}),
     "select": (_PARTS, {}),
     "split": (_PARTS, {}),
+    "diff": (
+        {
+            "a": "string: the first file",
+            "b": "string: the second file",
+            "total": _object(_DISTANCES, "all tracks together"),
+            "tracks": _list(_object(_TRACK_DIFFERENCE), "tracks of both"),
+            "missing": _list(_list("string: a track", "tracks"), "what A lacks, and what B lacks"),
+            "worst": _list(_object(_FAR_PLACE), "places where both are farthest apart"),
+            "read": {
+                "type": "array",
+                "items": {"anyOf": [_object(_READ), {"type": "null"}]},
+                "description": "what reading A and B lost and repaired; null for an archive",
+            },
+        },
+        {},
+    ),
+    "diff --exact": (
+        {
+            "archive": "string: the file",
+            "equal": {"const": True, "description": "a difference is an error"},
+            "logs": "integer: logs compared",
+            "bytes": "integer: bytes compared",
+        },
+        {},
+    ),
+    "decompress --exact": (
+        {"output": "string|null: file or folder", "logs": "integer: logs written"},
+        {},
+    ),
     "info": (_INFO, _DETAIL),
     "verify": (
         {

@@ -165,6 +165,7 @@ def _segment_mean() -> None:
     from gpszip.segmentation.em import ExpectationStep, segment_mean
     from gpszip.segmentation.kernels.shift import best_cuts
     from gpszip.segmentation.partition import penalised_partition
+    from gpszip.segmentation.two_segment_mean import two_segment_mean
 
     # The partitions of the command, and of each form of the expectation step.
     track = _loops()[0]
@@ -178,6 +179,7 @@ def _segment_mean() -> None:
     sums, segment = track_sums(track), (np.zeros((1, 2)), np.ones((1, 2)))
     boundaries, labels = penalised_partition(sums, *segment, 1.0)
     best_cuts(sums, boundaries, labels, *segment, 1)
+    two_segment_mean(track, *segment)
     times = np.arange(4002.0)
     long = Track("long", times, np.stack((times, np.sin(times)), axis=1))
     ward(track_sums(long), np.arange(0, 4003, 2), 4)

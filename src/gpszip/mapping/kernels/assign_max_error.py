@@ -162,8 +162,10 @@ def fill_table_within_max_error(
     which an allowed velocity leads to (r, c), and that cost at most ``beam`` bits more than the
     cheapest candidate of their slot.
     """
-    candidates, counts, positions, numbers = dp_table[:4]
-    step_bits, arrivals, best, parent_rows, parent_choices = dp_table[4:]
+    candidates, counts = dp_table.candidates, dp_table.counts
+    positions, numbers = dp_table.positions, dp_table.numbers
+    step_bits, arrivals, best = dp_table.step_bits, dp_table.arrivals, dp_table.bits
+    parent_rows, parent_choices = dp_table.parent_rows, dp_table.parent_choices
     times, ends, time_steps = grid_arrays.times, grid_arrays.ends, grid_arrays.time_steps
     directions = grid_arrays.directions
     fan, dimension = directions.shape
