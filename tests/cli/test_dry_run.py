@@ -16,9 +16,9 @@ def files_in(folder):
 
 @pytest.fixture
 def rounds(tmp_path):
-    """A log of 12,000 points, of which parts are compressed for the estimate."""
+    """A log of 24,000 points, of which parts are compressed for the estimate."""
     path = tmp_path / "patrol.csv"
-    write_tracks([patrol(12_000, seed=3)], path)
+    write_tracks([patrol(24_000, seed=3)], path)
     return path
 
 
@@ -42,12 +42,12 @@ def test_a_person_reads_files_rows_bound_and_estimate(gpszip, rounds):
     lines = dict(line.split("  ", 1) for line in dry.out.splitlines())
     lines = {label.strip(): text.strip() for label, text in lines.items()}
     assert lines["read"].startswith("patrol.csv (csv, ")
-    assert lines["rows"] == "12,000"
+    assert lines["rows"] == "24,000"
     assert lines["tracks"] == "1"
     assert lines["coordinates"] == "x,y"
     assert lines["bound"] == "RMSE <= 0.24 m"
     assert lines["estimate"].startswith("about ")
-    assert "points of 12,000" in lines["estimate"]
+    assert "points of 24,000" in lines["estimate"]
     assert "estimated" in lines["CPU time"]
     assert lines["written"].startswith("nothing")
     assert "patrol.gpsz" in lines["written"]

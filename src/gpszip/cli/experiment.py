@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import (
     Settings,
     common_options,
@@ -43,7 +44,12 @@ _HELP = "\n".join(
 )
 
 
-@click.command("experiment", help=_HELP, short_help="Run the experiments of the thesis.")
+@click.command(
+    "experiment",
+    cls=CommandWithFormats,
+    help=_HELP,
+    short_help="Run the experiments of the thesis.",
+)
 @click.argument("name", metavar="NAME", type=click.Choice([*(e.name for e in EXPERIMENTS), ALL]))
 @click.argument("logs", metavar="[LOG]...", nargs=-1)
 @click.option(
