@@ -180,7 +180,7 @@ NMEA = LogFormat(
     name="nmea",
     suffixes=(".nmea", ".nma"),
     description="NMEA 0183: RMC, GGA, GLL, GNS, ZDA and VTG of any receiver",
-    sniff=deferred("gpszip.io.logs.nmea.read", "sniff_nmea"),
+    sniff=deferred("gpszip.io.logs.nmea.sniff", "sniff_nmea"),
     read=deferred("gpszip.io.logs.nmea.read", "read_nmea"),
     read_batches=deferred("gpszip.io.logs.nmea.read", "read_nmea_batches"),
 )

@@ -21,12 +21,11 @@ from gpszip.io.logs.nmea.epochs import (
     find_first_date,
     read_epochs,
 )
-from gpszip.io.logs.nmea.sentences import has_right_checksum, is_plain_nmea, text_encoding
 from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request, UnreadableCell
 from gpszip.io.storage.source import Source
 from gpszip.model.read_result import LeftOut, Repair
 
-__all__ = ["read_nmea", "read_nmea_batches", "sniff_nmea"]
+__all__ = ["read_nmea", "read_nmea_batches"]
 
 #: Attributes of positions, by the names under which they may be kept.
 _SYNONYMS = {
@@ -36,9 +35,6 @@ _SYNONYMS = {
     "satellites": ("satellites", "sat", "sats"),
     "hdop": ("hdop",),
 }
-
-#: Files of other kinds that may have sentences in them: archives and databases.
-_OTHER_KINDS = (b"PK\x03\x04", b"SQLite format 3")
 
 #: Days from 1970 to 1999-08-22, when the week number of GPS started at 0 again: receivers that
 #: don't know show later days 1024 weeks early.
@@ -55,27 +51,6 @@ _MAX_SHOWN_TYPES = 8
 
 Records = NDArray[np.void]
 Floats = NDArray[np.float64]
-
-
-def sniff_nmea(head: bytes) -> bool:
-    """Whether a file that starts like this holds sentences of NMEA 0183.
-
-    Parameters
-    ----------
-    head : bytes
-        The first bytes of the file; other messages may stand between sentences.
-
-    Examples
-    --------
-    >>> sniff_nmea(b"1714809600 $GPGLL,5327.04,N,00214.42,W,102929.00,A,A*7C")
-    True
-    >>> sniff_nmea(b"price,$GPGLL,5*00")
-    False
-    """
-    if head.startswith(_OTHER_KINDS):
-        return False
-    text = head.decode(text_encoding(head), "replace")
-    return has_right_checksum(text) or is_plain_nmea(text)
 
 
 def read_nmea(source: Source, request: Request) -> RawLog:
