@@ -109,6 +109,19 @@ def test_pieces_of_a_selection_are_those_of_the_part(archive):
         )
 
 
+def test_groups_are_decoded_one_at_a_time():
+    archive = random_archive(tracks=6)
+    for _ in iterate_selection(archive, Selection()):
+        assert not archive._decoded_groups
+
+    # A group that is decoded already stays.
+    assert archive.walks
+    decoded = dict(archive._decoded_groups)
+    assert list(iterate_selection(archive, Selection()))
+    assert decoded
+    assert archive._decoded_groups == decoded
+
+
 def test_kept_times_are_those_of_the_part(kept):
     begin = kept.sample_times("other")[0]
     part = kept.select(since=begin + 10, until=begin + 20)

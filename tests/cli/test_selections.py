@@ -132,13 +132,59 @@ def test_compress_reads_what_is_selected(gpszip, archive, tmp_path):
     )
     assert done.code == 0, done.err
     assert done.json["points"] == done.json["points_read"] == 720
+    assert done.json["points_not_selected"] == 2 * 1440 - 720
     assert package.open(tmp_path / "c.gpsz").ids == ("cab/2",)
+
+
+def test_a_person_reads_first_how_much_was_selected(gpszip, archive):
+    done = gpszip("compress log.csv -o c.gpsz --effort 1 --until 2023-11-15T01:00Z")
+    assert done.err.startswith("gpszip: selected 61 of 2,880 points\n")
+    assert "selected" not in gpszip("compress log.csv -o d.gpsz --effort 1").err
+
+
+def test_a_damaged_part_is_named(gpszip, archive, tmp_path):
+    assert gpszip(f"split {archive} --by track").code == 0
+    part = tmp_path / "a" / "cab_2.gpsz"
+    data = bytearray(part.read_bytes())
+    data[len(data) // 2] ^= 255
+    part.write_bytes(data)
+    for command in ("join", "view", "plot"):
+        target = {"join": "w.gpsz", "view": "w.html", "plot": "w.svg"}[command]
+        kind = " --kind rate" if command == "plot" else ""
+        done = gpszip(f"{command}{kind} -o {target}", "a/cab 1.gpsz", "a/cab_2.gpsz")
+        assert done.code == 4, done.err
+        assert done.err.startswith("gpszip: a/cab_2.gpsz: ")
+
+
+def test_split_writes_all_parts_or_none(gpszip, archive, tmp_path, monkeypatch):
+    from gpszip.container import writer
+
+    written = []
+
+    def fail_at_the_second(contents, file):
+        written.append(contents)
+        if len(written) == 2:
+            raise OSError(28, "No space left on device")
+        file.write(b"part")
+
+    monkeypatch.setattr(writer, "write", fail_at_the_second)
+    done = gpszip(f"split {archive} --by track")
+    assert done.code == 1
+    assert "disk is full" in done.err or "No space" in done.err
+    assert not list((tmp_path / "a").iterdir())
+
+
+def test_a_period_that_would_make_too_many_files_is_refused_at_once(gpszip, archive):
+    done = gpszip(f"split {archive} --by 1ms")
+    assert done.code == 2
+    assert "give a longer period" in done.err
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ("--since 2023", "2023 may be a year or seconds"),
+        ("--since 2023", "2023 may be a date or seconds; write 2023-01-01"),
+        ("--since 20231115", "20231115 may be a date or seconds; write 2023-11-15"),
         ("--since noon", "'noon' is no time"),
         ("--bbox 1,2,3", "'1,2,3' is no box"),
         ("--bbox 1,5,3,2", "ends south of where it begins"),

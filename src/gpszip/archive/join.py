@@ -83,13 +83,13 @@ def join(archives: Sequence[Archive], *, names: Sequence[str] | None = None) -> 
 
     # All walks on the nodes of all archives; the same knots have the same nodes.
     walks = merge_grid_walks([archive.grid_walks for archive in archives])
-    owners = np.repeat(np.arange(len(archives)), [len(archive.ids) for archive in archives])
+    first_walks = np.cumsum([0, *(len(archive.ids) for archive in archives)]).tolist()
+
+    # Append the walks of each track in the order of time.
     by_id: dict[str, _JoinedWalk] = {}
-    order = _by_time(archives)
-    ids = dict.fromkeys(name for archive in archives for name in archive.ids)
-    for source, number in order:
+    for source, number in _by_time(archives):
         walk = archives[source].walks[number]
-        own = walks.walks[int(np.flatnonzero(owners == source)[0]) + number]
+        own = walks.walks[first_walks[source] + number]
         ranges = walk.time_ranges
         if walk.times is None:
             ranges = np.zeros((0, 2))
@@ -99,7 +99,8 @@ def join(archives: Sequence[Archive], *, names: Sequence[str] | None = None) -> 
         before = by_id.get(walk.id)
         by_id[walk.id] = added if before is None else _append(before, added, walk.id, walks.nodes)
 
-    # One archive of them.
+    # One archive of them, with the tracks in the order in which the archives first have them.
+    ids = dict.fromkeys(name for archive in archives for name in archive.ids)
     joined = [by_id[name] for name in ids]
     untimed = frozenset(i for i, track in enumerate(joined) if not len(track.time_ranges))
     timed = len(untimed) < len(joined)
@@ -127,7 +128,9 @@ def join(archives: Sequence[Archive], *, names: Sequence[str] | None = None) -> 
 def _check_together(archives: Sequence[Archive], names: Sequence[str]) -> None:
     """Refuse archives that don't lie on one grid, or keep different columns."""
     if not archives:
-        raise OptionError("no archive was given to join")
+        raise OptionError("no archive was given to join", remedy="name the parts of an archive")
+
+    # Numbers of nodes and times mean the same on one grid only.
     first = archives[0]
     for archive, where in zip(archives[1:], names[1:], strict=True):
         if archive.grid != first.grid:
@@ -140,6 +143,8 @@ def _check_together(archives: Sequence[Archive], names: Sequence[str]) -> None:
             )
         if archive.timed != first.timed:
             raise OptionError("of two archives, only one has times", location=where, remedy=_REMEDY)
+
+        # What is kept beside the walks.
         if archive.curve_sizes or first.curve_sizes:
             raise OptionError(
                 "columns kept within an error can't be joined",

@@ -6,20 +6,17 @@ travel begins and ends where the selection says, to a millisecond.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.archive.archive import Archive
 from gpszip.archive.create import new_archive, with_error_bound
+from gpszip.archive.grid_cutter import GridCutter
 from gpszip.archive.pieces import build_pieces, pieces_by_track
 from gpszip.archive.renumber import number_on_known_map
-from gpszip.codec.end_kinds import MAX_QUOTIENT
 from gpszip.container.attributes import KeptColumns, encode_attributes
 from gpszip.container.catalog import group_heads
 from gpszip.container.contents import Section
@@ -27,8 +24,7 @@ from gpszip.container.layout import SectionKind
 from gpszip.errors import OptionError
 from gpszip.lossless.kept import smaller_section
 from gpszip.model.error_bound import ErrorBound, rounded_bound
-from gpszip.model.grid import QuantisationGrid, step_size
-from gpszip.model.grid_walks import GridWalk, GridWalks, ends_of_walks
+from gpszip.model.grid_walks import GridWalks, ends_of_walks
 from gpszip.model.projection import map_coordinates
 from gpszip.model.selection import Selection
 from gpszip.model.timestamps import format_span
@@ -44,15 +40,8 @@ from gpszip.walks.restrict import (
 
 __all__ = ["decompress_selection", "iterate_selection", "select"]
 
-#: Share of a time step by which float noise may move a time off it.
-_STEP_TOLERANCE = 1e-6
-
 #: Seconds by which a sample may lie outside of a time range, which is kept to a millisecond.
 _TIME_SLACK = 1e-3
-
-#: Time steps between a knot and where travel begins that the format can hold; beyond these, a new
-#: knot stands there.
-_MAX_OFFSET_STEPS = MAX_QUOTIENT
 
 Floats = NDArray[np.float64]
 
@@ -94,8 +83,8 @@ def select(archive: Archive, selection: Selection) -> Archive:
     """Cut an archive to what is selected.
 
     A track that leaves the area and comes back has a gap in between, unless it does so within a
-    time step of the grid. Of tracks without times, the segments that
-    touch the area remain; a time range leaves them out.
+    time step of the grid. Of tracks without times, the segments that touch the area remain; a time
+    range leaves these tracks out.
 
     Parameters
     ----------
@@ -121,7 +110,7 @@ def select(archive: Archive, selection: Selection) -> Archive:
     selected = _select_walks(archive, selection)
     ids = [selected.walks[number].id for number in selected.numbers]
     kept = [selected.kept(number) for number in selected.numbers]
-    cutter = _GridCutter(archive.grid, selected.grid_walks)
+    cutter = GridCutter(archive.grid, selected.grid_walks)
     cut = [
         cutter.cut(selected.grid_walks.walks[number], of_walk)
         for number, of_walk in zip(selected.numbers, kept, strict=True)
@@ -178,6 +167,8 @@ def iterate_selection(
 ) -> Iterator[tuple[list[Track], dict[str, str]]]:
     """Yield what :func:`decompress_selection` returns, for one group of tracks after the other.
 
+    Groups that this decodes are not kept, so that one of them is in memory at a time.
+
     Raises
     ------
     UnknownTrackError
@@ -192,12 +183,15 @@ def iterate_selection(
         return
 
     found = False
-    for head in group_heads(archive.contents):
+    for number, head in enumerate(group_heads(archive.contents)):
         own = range(head.first_track, head.first_track + head.tracks)
         ids = tuple(archive.ids[track] for track in own if not wanted or track in wanted)
         if not ids:
             continue
+        is_cached = number in archive._decoded_groups
         selected = _select_walks(archive, replace(selection, tracks=ids), may_be_empty=True)
+        if not is_cached:
+            archive._decoded_groups.pop(number, None)
         if selected.numbers:
             found = True
             yield _build_selected(archive, selected)
@@ -318,129 +312,6 @@ def _restricted_walk(selected: _SelectedWalks, number: int) -> Walk:
     return Walk(walk.id, walk.nodes[kept.knots], times, kept.gaps, ranges)
 
 
-class _Piece(NamedTuple):
-    """A piece of what remains of a walk.
-
-    Parameters
-    ----------
-    knots : int array, shape (k,)
-        Indices of its knots.
-    begin, end : float
-        Seconds at which travel begins and ends.
-    """
-
-    knots: NDArray[np.intp]
-    begin: float
-    end: float
-
-
-class _GridCutter:
-    """Brings what remains of walks to the grid.
-
-    Where travel begins or ends too far from its knot for the format to say so, a new knot on the
-    line takes the place of that knot.
-
-    Parameters
-    ----------
-    grid : QuantisationGrid
-        The grid.
-    walks : GridWalks
-        The walks as they are.
-    """
-
-    def __init__(self, grid: QuantisationGrid, walks: GridWalks) -> None:
-        self._grid = grid
-        self._nodes = walks.nodes
-        self._new_nodes: list[NDArray[np.int64]] = []
-        #: Largest distance in metres between a new knot and the line between its neighbours.
-        self.moved = 0.0
-
-    @property
-    def nodes(self) -> NDArray[np.int64]:
-        """The nodes of the walks, and new ones after them."""
-        return np.concatenate([self._nodes, *(node[None] for node in self._new_nodes)])
-
-    def cut(self, walk: GridWalk, kept: RestrictedKnots) -> tuple[GridWalk, Floats]:
-        """Return what remains of a walk on the grid, and the time ranges of its pieces."""
-        # A shape has no times at which it could be cut.
-        if not len(kept.time_ranges):
-            shape = GridWalk(walk.nodes[kept.knots], walk.time_steps[kept.knots], kept.gaps)
-            return shape, kept.time_ranges
-
-        # Cut the pieces; the outer ends of a track have a finer place in the format than those at
-        # a gap, and a knot of two pieces has to give way in both.
-        pieces = self._distinct_pieces(kept)
-        nodes, steps = [], []
-        for number, piece in enumerate(pieces):
-            before = pieces[number - 1].knots[-1] if number else -1
-            after = pieces[number + 1].knots[0] if number + 1 < len(pieces) else len(walk.nodes)
-            limits = (
-                _MAX_OFFSET_STEPS if number == 0 else int(before < piece.knots[0]),
-                _MAX_OFFSET_STEPS if number == len(pieces) - 1 else int(after > piece.knots[-1]),
-            )
-            own_nodes, own_steps = self._cut_piece(walk, piece, limits)
-            nodes.append(own_nodes)
-            steps.append(own_steps)
-
-        # Join them, with a gap between any two.
-        gaps = np.zeros(sum(map(len, nodes)) - 1, np.bool_)
-        gaps[np.cumsum([len(own) for own in nodes])[:-1] - 1] = True
-        time_ranges = np.array([(piece.begin, piece.end) for piece in pieces])
-        return GridWalk(np.concatenate(nodes), np.concatenate(steps), gaps), time_ranges
-
-    def _distinct_pieces(self, kept: RestrictedKnots) -> list[_Piece]:
-        """Pieces of a walk; those that have a knot in common, and no time step between, are one."""
-        bounds = [0, *(np.flatnonzero(kept.gaps) + 1).tolist(), len(kept.knots)]
-        pieces: list[_Piece] = []
-        for (first, after), (begin, end) in zip(
-            pairwise(bounds), kept.time_ranges.tolist(), strict=True
-        ):
-            piece = _Piece(kept.knots[first:after], begin, end)
-            if pieces and piece.knots[0] <= pieces[-1].knots[-1]:
-                last_step = self._steps_around(pieces[-1].begin, pieces[-1].end)[1]
-                if self._steps_around(begin, end)[0] <= last_step:
-                    before = pieces.pop()
-                    piece = _Piece(np.union1d(before.knots, piece.knots), before.begin, end)
-            pieces.append(piece)
-        return pieces
-
-    def _cut_piece(
-        self, walk: GridWalk, piece: _Piece, limits: tuple[int, int]
-    ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-        """Nodes and time steps of a piece, with new knots where its ends are beyond some steps."""
-        old_nodes, old_steps = walk.nodes[piece.knots], walk.time_steps[piece.knots]
-        nodes, steps = old_nodes.copy(), old_steps.copy()
-        begin_step, end_step = self._steps_around(piece.begin, piece.end)
-        if begin_step - old_steps[0] > limits[0]:
-            nodes[0] = self._add_node(old_nodes[:2], old_steps[:2], begin_step)
-            steps[0] = begin_step
-        if old_steps[-1] - end_step > limits[1]:
-            nodes[-1] = self._add_node(old_nodes[-2:], old_steps[-2:], end_step)
-            steps[-1] = end_step
-
-        # Both may be at one time step of one segment.
-        if len(steps) > 1 and steps[-1] <= steps[-2]:
-            return nodes[:-1], steps[:-1]
-        return nodes, steps
-
-    def _steps_around(self, begin: float, end: float) -> tuple[int, int]:
-        """The last time step at or before a time, and the first at or after another one."""
-        epoch, step = self._grid.epoch / 1000, step_size(self._grid.time)
-        first = math.floor((begin - epoch) / step + _STEP_TOLERANCE)
-        return first, math.ceil((end - epoch) / step - _STEP_TOLERANCE)
-
-    def _add_node(self, nodes: NDArray[np.int32], steps: NDArray[np.int64], time_step: int) -> int:
-        """Add the node nearest to where a segment is at a time step, and return its number."""
-        start, stop = self._nodes[nodes]
-        share = (time_step - steps[0]) / (steps[1] - steps[0])
-        position = start + share * (stop - start)
-        node = np.rint(position).astype(np.int64)
-        self._new_nodes.append(node)
-        distance = float(np.linalg.norm(node - position)) * step_size(self._grid.space)
-        self.moved = max(self.moved, distance)
-        return len(self._nodes) + len(self._new_nodes) - 1
-
-
 def _kept_section(
     archive: Archive, ids: Sequence[str], time_ranges: Sequence[Floats]
 ) -> tuple[Section, ...]:
@@ -452,8 +323,8 @@ def _kept_section(
     kept = archive._kept_samples
     rows, counts = [], []
     for track, ranges in zip(ids, time_ranges, strict=True):
-        own = np.arange(len(kept.times))[kept.rows(archive._track_number(track))]
-        times = kept.times[own]
+        of_track = kept.rows(archive._track_number(track))
+        own, times = np.arange(of_track.start, of_track.stop), kept.times[of_track]
         piece = np.maximum(np.searchsorted(ranges[:, 0], times + _TIME_SLACK) - 1, 0)
         is_within = (times >= ranges[piece, 0] - _TIME_SLACK) & (
             times <= ranges[piece, 1] + _TIME_SLACK

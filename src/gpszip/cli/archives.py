@@ -16,6 +16,7 @@ __all__ = [
     "open_archive_file",
     "open_map_file",
     "read_archive_bytes",
+    "read_decoded_archive",
 ]
 
 #: Bits of an archive's third byte that hold the version of its format.
@@ -68,6 +69,20 @@ def open_archive_file(name: str, map_name: str | None = None) -> Iterator[Archiv
     # The caller's block runs inside: walks are decoded when they are used, and damage shows then.
     with explain_corruption(name, data):
         yield open_archive_bytes(name, data, map_name)
+
+
+def read_decoded_archive(name: str, map_name: str | None = None) -> Archive:
+    """Read and decode an archive, for commands on several: an error names the one that is corrupt.
+
+    Parameters and errors are those of :func:`open_archive_file`.
+    """
+    with open_archive_file(name, map_name) as archive:
+        if archive.ids and (archive.contents.map is None or archive.map is not None):
+            # Properties are decoded when they are used.
+            _ = archive.walks, archive.road_map
+            if archive.kept_columns is not None:
+                archive.sample_times(archive.ids[0])
+        return archive
 
 
 def open_archive_bytes(name: str, data: bytes, map_name: str | None) -> Archive:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
-
 import click
 
 from gpszip.cli.completing import complete_files
@@ -40,16 +38,15 @@ def command(
     of one name become one, if they follow each other in time. gpszip merge takes any archives.
     """
     from gpszip.archive.join import join
-    from gpszip.cli.archives import open_archive_file
+    from gpszip.cli.archives import read_decoded_archive
     from gpszip.cli.output import check_output, print_json, print_status, write_archive
     from gpszip.cli.units import format_bytes, format_count
 
     # Join.
     check_output(target, force=force, binary=True)
-    with ExitStack() as stack:
-        opened = [stack.enter_context(open_archive_file(name, map_name)) for name in archives]
-        whole = join(opened, names=archives)
-        with_logs = [name for name, part in zip(archives, opened, strict=True) if part.exact_names]
+    parts = [read_decoded_archive(name, map_name) for name in archives]
+    whole = join(parts, names=archives)
+    with_logs = [name for name, part in zip(archives, parts, strict=True) if part.exact_names]
     write_archive(target, whole, force=force)
 
     # Say what was written.

@@ -86,6 +86,7 @@ def command(
     --max-deviation, tracks may be moved by the smallest error bound of the archives before any
     merge.
     """
+    from gpszip.cli.archives import read_decoded_archive
     from gpszip.cli.output import check_output, print_json, print_status, write_archive
     from gpszip.cli.progress import progress_bar
     from gpszip.cli.summary import output_label
@@ -105,7 +106,7 @@ def command(
     if skip_bad:
         readable, bad = _read_valid(archives)
     else:
-        readable = {name: _read_decoded(name) for name in archives}
+        readable = {name: read_decoded_archive(name) for name in archives}
     with (
         progress_bar(quiet=quiet or settings.json) as listener,
         open_executor(workers, engine, scheduler) as executor,
@@ -141,13 +142,14 @@ def _check_duplicates(archives: tuple[str, ...]) -> None:
 
 def _read_valid(archives: tuple[str, ...]) -> tuple[dict[str, Archive], dict[str, str]]:
     """Return the archives that can be read, and why the others can't be."""
+    from gpszip.cli.archives import read_decoded_archive
     from gpszip.errors import CorruptArchiveError, InputError
 
     readable: dict[str, Archive] = {}
     bad: dict[str, str] = {}
     for name in archives:
         try:
-            readable[name] = _read_decoded(name)
+            readable[name] = read_decoded_archive(name)
         except (CorruptArchiveError, InputError) as error:
             bad[name] = str(error)
 
@@ -158,19 +160,6 @@ def _read_valid(archives: tuple[str, ...]) -> tuple[dict[str, Archive], dict[str
             f"{count} of the archives can be read, a merge takes two: {'; '.join(bad.values())}"
         )
     return readable, bad
-
-
-def _read_decoded(name: str) -> Archive:
-    """Read and decode an archive, so that an error names the archive that is corrupt."""
-    from gpszip.cli.archives import open_archive_file
-
-    with open_archive_file(name) as archive:
-        if archive.contents.map is None and archive.ids:
-            # Properties are decoded when they are used.
-            _ = archive.walks, archive.road_map
-            if archive.kept_columns is not None:
-                archive.sample_times(archive.ids[0])
-        return archive
 
 
 def _short_names(archives: tuple[str, ...]) -> list[str]:

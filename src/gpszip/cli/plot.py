@@ -105,9 +105,7 @@ def command(
     **reading: Any,
 ) -> Outcome:
     """Draw a picture of archives."""
-    from contextlib import ExitStack
-
-    from gpszip.cli.archives import open_archive_file
+    from gpszip.cli.archives import read_decoded_archive
     from gpszip.cli.output import STDOUT, check_output
     from gpszip.drawing.style import Layout, picture_format, save_figure, size_in_mm
     from gpszip.io.storage.sink import atomic_write, to_stdout
@@ -120,12 +118,11 @@ def command(
     layout = Layout(width, title, legend=not no_legend)
 
     # Read, and draw.
-    with ExitStack() as stack:
-        opened = [stack.enter_context(open_archive_file(name, map_name)) for name in archives]
-        read_result = read_raw_log(raw, opened[0], reading) if raw else None
-        tracks = () if read_result is None else read_result.tracks
-        names = [Path(name).stem for name in archives]
-        figure = draw(kind, opened, names, tracks, layout)
+    opened = [read_decoded_archive(name, map_name) for name in archives]
+    read_result = read_raw_log(raw, opened[0], reading) if raw else None
+    tracks = () if read_result is None else read_result.tracks
+    names = [Path(name).stem for name in archives]
+    figure = draw(kind, opened, names, tracks, layout)
     with to_stdout(f".{file_format}") if target == STDOUT else atomic_write(target) as path:
         save_figure(figure, path, file_format, dpi)
     if settings.json or not quiet:

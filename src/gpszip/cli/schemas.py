@@ -70,7 +70,8 @@ _REPAIRS: Fields = {
 
 #: What reading lost.
 _LOSSES: Fields = {
-    "points_read": "integer: points in the logs",
+    "points_read": "integer: points of the logs, or of the selection",
+    "points_not_selected": "integer: points that the selection leaves out",
     "points_lost": "integer: points that are in no track",
     "losses": _list(
         _object(

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = ["pop_selection", "select_from", "selection_options"]
 
-#: Whole numbers from this to that look like years.
+#: Years that dates of logs may have.
 _FIRST_YEAR = 1900
 _LAST_YEAR = 2100
 
@@ -33,10 +33,11 @@ class _TimeType(click.ParamType):  # type: ignore[type-arg, unused-ignore]
 
         if isinstance(value, float):
             return value
-        # A year alone would be taken for seconds.
-        if value.isdecimal() and _FIRST_YEAR <= int(value) <= _LAST_YEAR:
+        # A year or a date in digits alone would be taken for seconds.
+        date = _date_of_digits(value)
+        if date is not None:
             self.fail(
-                f"{value} may be a year or seconds; write {value}-01-01, or {value}.0 for seconds",
+                f"{value} may be a date or seconds; write {date}, or {value}.0 for seconds",
                 param,
                 ctx,
             )
@@ -49,6 +50,20 @@ class _TimeType(click.ParamType):  # type: ignore[type-arg, unused-ignore]
                 ctx,
             )
         return seconds
+
+
+def _date_of_digits(text: str) -> str | None:
+    """Return the date that digits alone may mean, such as 2024 or 20240501; else None."""
+    from datetime import date
+
+    if not text.isdecimal() or not _FIRST_YEAR <= int(text[:4]) <= _LAST_YEAR:
+        return None
+    if len(text) == len("2024"):
+        return f"{text}-01-01"
+    try:
+        return date.fromisoformat(text).isoformat()
+    except ValueError:
+        return None
 
 
 class _BoxType(click.ParamType):  # type: ignore[type-arg, unused-ignore]
@@ -75,6 +90,7 @@ class _BoxType(click.ParamType):  # type: ignore[type-arg, unused-ignore]
 
 def selection_options(command: F) -> F:
     """Add the options --track, --since, --until and --bbox, see :func:`pop_selection`."""
+    # The options in the order in which a help lists them.
     bbox = "Only this area, in degrees: 13.3,52.4,13.5,52.6. In metres: x from, y from, x to, y to."
     options = (
         click.option(
@@ -93,6 +109,8 @@ def selection_options(command: F) -> F:
         click.option("--until", type=_TimeType(), metavar="TIME", help="Only up to this time."),
         click.option("--bbox", type=_BoxType(), metavar="WEST,SOUTH,EAST,NORTH", help=bbox),
     )
+
+    # A decorator puts its option before those that are there already.
     for option in reversed(options):
         command = option(command)
     return command

@@ -79,7 +79,10 @@ def command(
     """
     from gpszip.cli.archives import open_archive_file
     from gpszip.cli.output import check_output
+    from gpszip.container.writer import write
     from gpszip.errors import OptionError
+    from gpszip.files.atomic_write import atomic_write_all
+    from gpszip.files.os_errors import as_output_error
 
     # Where to.
     if target is None and archive == "-":
@@ -91,16 +94,18 @@ def command(
     with open_archive_file(archive, map_name) as whole:
         parts = list(_parts(whole, by, stem))
         tracks, has_logs = len(whole), bool(whole.exact_names)
-    _make_folder(folder)
+    with as_output_error(str(folder)):
+        folder.mkdir(parents=True, exist_ok=True)
     for name, _ in parts:
         check_output(str(folder / name), force=force, binary=True)
 
-    # Write.
-    written = []
-    for name, part in parts:
-        path = folder / name
-        part.save(path, force=force)
-        written.append((str(path), len(part), part.size))
+    # Write all, or none.
+    paths = [str(folder / name) for name, _ in parts]
+    with atomic_write_all(paths, force=force) as temporary_paths:
+        for path, temporary_path, (_, part) in zip(paths, temporary_paths, parts, strict=True):
+            with as_output_error(path), temporary_path.open("wb") as file:
+                write(part.contents, file)
+    written = [(path, len(part), part.size) for path, (_, part) in zip(paths, parts, strict=True)]
     print_parts(written, tracks, settings)
     if has_logs:
         warn_of_exact_logs(archive)
@@ -129,6 +134,8 @@ def _parts(archive: Archive, by: float | str, stem: str) -> Iterator[tuple[str, 
             f"track {archive.untimed[0]!r} has no times, and belongs to no period",
             remedy="--by track",
         )
+
+    # Count them before the first is cut.
     periods = _travelled_periods(archive, by)
     if len(periods) > _MAX_PARTS:
         raise OptionError(
@@ -141,9 +148,18 @@ def _parts(archive: Archive, by: float | str, stem: str) -> Iterator[tuple[str, 
 
 def _travelled_periods(archive: Archive, period: float) -> list[int]:
     """Numbers of the periods in which some track travels, in order."""
+    from gpszip.errors import OptionError
+
     numbers: set[int] = set()
     for piece in archive.decompress():
         first, last = float(piece.times[0]), float(piece.times[-1])
+        # A tiny period of a long log would fill the memory before it is refused.
+        if (last - first) / period > _MAX_PARTS:
+            raise OptionError(
+                f"more than {_MAX_PARTS:,} periods would be as many files",
+                remedy="give a longer period",
+            )
+
         # Travel that ends where a period begins is not in it.
         after = max(math.ceil(last / period), math.floor(first / period) + 1)
         numbers.update(range(math.floor(first / period), after))
@@ -174,10 +190,3 @@ def _file_name(track: str, taken: set[str]) -> str:
         name = f"{safe or 'track'}-{number}"
     taken.add(name.casefold())
     return name
-
-
-def _make_folder(folder: Path) -> None:
-    from gpszip.files.os_errors import as_output_error
-
-    with as_output_error(str(folder)):
-        folder.mkdir(parents=True, exist_ok=True)

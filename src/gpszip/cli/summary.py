@@ -84,7 +84,12 @@ def print_json_result(
 
 
 def print_losses(read_result: ReadResult) -> None:
-    """Print what a person reads first: tracks that lost many points, and logs left out."""
+    """Print what a person reads first: the selection, large losses, and logs left out."""
+    # A selection; sizes and ratios are those of the whole logs.
+    if read_result.not_selected:
+        total = read_result.points + read_result.not_selected
+        print_status(f"gpszip: selected {read_result.points:,} of {format_count(total, 'point')}")
+
     # Tracks stand in one line.
     losses = [str(loss) for loss in read_result.losses[:_MAX_NAMED]]
     more = len(read_result.losses) - _MAX_NAMED
@@ -141,9 +146,10 @@ def repairs_as_dict(repairs: Iterable[Repair], left_out: Iterable[LeftOut] = ())
 
 
 def losses_as_dict(read_result: ReadResult) -> dict[str, Any]:
-    """Return how many points were read and lost, and which tracks lost many, for JSON."""
+    """Return the points that were read, not selected and lost, and what lost many, for JSON."""
     return {
         "points_read": read_result.points,
+        "points_not_selected": read_result.not_selected,
         "points_lost": read_result.lost,
         "losses": [asdict(loss) for loss in read_result.losses],
         "other_files": [

@@ -81,9 +81,7 @@ def command(
     The page is one file. It opens from disk, needs no network, and sends nothing anywhere. Two
     archives are shown side by side.
     """
-    from contextlib import ExitStack
-
-    from gpszip.cli.archives import open_archive_file
+    from gpszip.cli.archives import read_decoded_archive
     from gpszip.cli.output import check_output, print_status
     from gpszip.cli.progress import progress_bar
     from gpszip.errors import OptionError
@@ -100,14 +98,9 @@ def command(
     check_output(target, force=force)
 
     # Read, and write the page.
-    with (
-        progress_bar(quiet=quiet or settings.json) as listener,
-        ExitStack() as stack,
-    ):
-        opened = [
-            select_from(stack.enter_context(open_archive_file(name, map_name)), selection)
-            for name in archives
-        ]
+    with progress_bar(quiet=quiet or settings.json) as listener:
+        whole = [read_decoded_archive(name, map_name) for name in archives]
+        opened = [select_from(archive, selection) for archive in whole]
         check_coordinates_of(opened)
         reading["selection"] = selection
         read_result = read_raw_log(raw, opened[0], reading) if raw else None

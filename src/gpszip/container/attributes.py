@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import accumulate
 from typing import BinaryIO
 
 import numpy as np
@@ -68,8 +70,12 @@ class KeptColumns:
 
     def rows(self, track: int) -> slice:
         """Rows of the track with this number."""
-        first = sum(self.counts[:track])
-        return slice(first, first + self.counts[track])
+        return slice(self._starts[track], self._starts[track + 1])
+
+    @cached_property
+    def _starts(self) -> list[int]:
+        """First row of each track, and the number of all rows."""
+        return [0, *accumulate(self.counts)]
 
 
 def encode_attributes(kept: KeptColumns) -> bytes:

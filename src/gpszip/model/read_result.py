@@ -165,6 +165,9 @@ class ReadResult(Sequence[Track], FrameMethods):
     losses : tuple of Loss
         Tracks that lost more than a tenth of their points, or that have several points at one
         timestamp.
+    not_selected : int
+        Number of points that were left out because a selection leaves them out; they are not among
+        ``points``.
     other_files : tuple of OtherFiles
         Files of folders and zip archives that hold no log, or one that another file holds, too.
     """
@@ -178,6 +181,7 @@ class ReadResult(Sequence[Track], FrameMethods):
     dropped_columns: tuple[str, ...] = ()
     losses: tuple[Loss, ...] = ()
     other_files: tuple[OtherFiles, ...] = ()
+    not_selected: int = 0
 
     def __repr__(self) -> str:
         tracks, points = count_text(len(self.tracks), "track"), count_text(self.points, "point")

@@ -132,6 +132,7 @@ class CollectedLog:
             left_out=tuple(left_out),
             dropped_columns=tuple(dropped_columns),
             losses=tuple(losses),
+            not_selected=self._not_selected + sum(file.selection.dropped for file in self.files),
             other_files=self.other_files,
         )
 
