@@ -12,15 +12,12 @@ import click
 from gpszip.cli.options import Settings, archive_argument, common_options, force, map_option
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.select import print_parts, warn_of_exact_logs
-from gpszip.cli.units import DURATION
+from gpszip.cli.units import DURATION, is_date
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
 
 __all__ = ["command"]
-
-#: Seconds between these are dates since 1970 (1973 to 5138), as in a log's time column.
-_EPOCH_SECONDS = (1e8, 1e11)
 
 #: Letters of track names that file systems refuse, or that lead to another folder.
 _UNSAFE_LETTERS = frozenset('/\\:*?"<>|')
@@ -171,7 +168,7 @@ def _period_name(number: int, period: float) -> str:
     from datetime import UTC, datetime
 
     begin = number * period
-    if not _EPOCH_SECONDS[0] <= begin < _EPOCH_SECONDS[1]:
+    if not is_date(begin):
         return f"{begin:.10g}"
     days = period % 86400 == 0
     return datetime.fromtimestamp(begin, UTC).strftime("%Y-%m-%d" if days else "%Y-%m-%dT%H%M%S")

@@ -18,6 +18,7 @@ __all__ = [
     "format_duration",
     "format_length",
     "format_time",
+    "is_date",
 ]
 
 #: Seconds between these are dates since 1970 (1973 to 5138), as in a log's time column.
@@ -195,6 +196,17 @@ def format_count(number: int, noun: str) -> str:
     return f"{number:,} {noun}" + ("" if number == 1 else "s")
 
 
+def is_date(seconds: float) -> bool:
+    """Whether a time of a log counts from 1970, so that it can be shown as a date.
+
+    Examples
+    --------
+    >>> is_date(1714557600), is_date(12.5)
+    (True, False)
+    """
+    return _EPOCH_SECONDS[0] <= seconds < _EPOCH_SECONDS[1]
+
+
 def format_time(seconds: float) -> str:
     """Format seconds from a log's zero, with the date if that is 1970.
 
@@ -204,6 +216,6 @@ def format_time(seconds: float) -> str:
     ('12.5 s', '1714557600 s (2024-05-01 10:00:00 UTC)')
     """
     plain = f"{seconds:.3f}".rstrip("0").rstrip(".")
-    if not _EPOCH_SECONDS[0] <= seconds < _EPOCH_SECONDS[1]:
+    if not is_date(seconds):
         return f"{plain} s"
     return f"{plain} s ({datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S} UTC)"
