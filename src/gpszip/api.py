@@ -314,20 +314,20 @@ def compress(
     names = (keep,) if isinstance(keep, str) else tuple(keep)
     # By position, in the order of the fields of Options, which checks them.
     options = Options(
-        rmse,
-        max_error,
-        size,
-        ratio,
-        gap,
-        k,
-        m,
-        times,
-        names,
-        keep_times,
-        layer,
-        effort,
-        coreset,
-        tuple((keep_within or {}).items()),
+        rmse=rmse,
+        max_error=max_error,
+        size=size,
+        ratio=ratio,
+        gap=gap,
+        k=k,
+        m=m,
+        times=times,
+        keep=names,
+        keep_times=keep_times,
+        layer=layer,
+        effort=effort,
+        coreset=coreset,
+        curves=tuple((keep_within or {}).items()),
     )
 
     # The map and the tracks may still be files.
