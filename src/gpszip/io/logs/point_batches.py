@@ -20,6 +20,7 @@ from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request, join_batches
 from gpszip.io.storage.source import Source
 from gpszip.model.read_result import LeftOut, Repair
+from gpszip.model.text import count_phrase
 
 __all__ = ["Findings", "Parser", "PointBatch", "open_points", "read_points"]
 
@@ -130,7 +131,7 @@ class Findings:
 
     def no_point_error(self) -> InputError:
         """Return the error for a file without points, which names what it holds instead."""
-        found = ", ".join(f"{count.number:,} {what}" for what, count in self._counts.items())
+        found = ", ".join(count_phrase(count.number, what) for what, count in self._counts.items())
         return NoPositionsError(
             f"{self.empty}{f': {found}' if found else ''}", path=self.name, remedy=self.remedy
         )

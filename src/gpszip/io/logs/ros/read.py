@@ -19,6 +19,7 @@ from gpszip.io.logs.ros.bags import (
 from gpszip.io.logs.ros.frames import FrameReader, transform_topics
 from gpszip.io.logs.ros.topics import TopicReader, choose_topics
 from gpszip.io.storage.source import Source
+from gpszip.model.text import count_phrase
 
 __all__ = ["read_ros", "read_ros_batches", "sniff_ros"]
 
@@ -106,7 +107,7 @@ def _join(logs: Sequence[RawLog]) -> RawLog:
     # Without a pose, what was dropped says why.
     if not logs or not any(len(log.times) for log in logs):
         name = logs[0].name if logs else ""
-        counts = [f"{item.count:,} {item.what}" for log in logs for item in log.repairs]
+        counts = [count_phrase(item.count, item.what) for log in logs for item in log.repairs]
         why = f": {', '.join(counts)}" if counts else ""
         raise NoPositionsError(
             f"holds no pose{why}", path=name, remedy="choose another --topic, or another bag"
