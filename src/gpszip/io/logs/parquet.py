@@ -71,7 +71,7 @@ def read_parquet(source: Source, request: Request) -> RawLog:
         table = dataset.to_table(columns=_columns_used(dataset.schema, roles))
         table.validate(full=True)  # finds texts that aren't UTF-8, for instance
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        reason = str(error).splitlines()[0]
+        reason = str(error).splitlines()[0].rstrip(".")
         raise InputError(
             f"damaged Parquet file: {reason}", path=source.name, remedy="fetch or write it again"
         ) from None
