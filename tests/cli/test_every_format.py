@@ -1,4 +1,7 @@
-"""Every format that is read goes through the commands that a stranger tries first."""
+"""Logs of the common formats go through the commands that a stranger tries first.
+
+Those of instruments, ships and simulators are in ``test_other_formats.py``.
+"""
 
 import json
 
@@ -9,6 +12,7 @@ import pytest
 
 import exports
 from gpszip.io.logs.formats import LOG_FORMATS
+from gpszip.io.logs.read import read_logs
 from oracle import google, nmea
 
 ROWS = exports.rows(0)
@@ -126,19 +130,18 @@ def test_samples_are_those_of_formats_that_exist():
     assert not set(SAMPLES) - set(FORMATS)
 
 
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("name", SAMPLES)
 def test_a_log_goes_through_all_commands(gpszip, tmp_path, name):
-    if name not in SAMPLES:
-        pytest.skip("another test has a log of this format")
     file, make, options = SAMPLES[name]
     (tmp_path / file).write_bytes(make())
 
     # Compress it as its format is found.
-    done = gpszip(f"compress {file} -o a.gpsz --max-error 1m --effort 1 --json {options}")
+    fast = f"--max-error 1m --effort 1 --json {options}"
+    done = gpszip(f"compress {file} -o a.gpsz {fast}")
     assert done.code == 0, done.err
     points = done.json["points"]
     assert done.json["points_lost"] == 0
-    planned = gpszip(f"compress {file} -o none.gpsz --dry-run --json {options}")
+    planned = gpszip(f"compress {file} -o none.gpsz --dry-run {fast}")
     assert planned.json["files"][0]["format"] == ("kml" if name == "kmz" else name)
 
     # Look at it.
@@ -147,8 +150,10 @@ def test_a_log_goes_through_all_commands(gpszip, tmp_path, name):
     assert gpszip(f"view a.gpsz --raw {file} -o a.html {view_options}").code == 0
     assert gpszip("map a.gpsz -o map.geojson").code == 0
 
-    # Write it in all formats. What is written differs by coordinates only, so it is read again once
-    # for each kind.
+    # Write it in all formats and read it again, once for degrees and once for metres: nothing else
+    # about the format of the log is in an archive.
+    if name not in ("csv", "tum"):
+        return
     geographic = gpszip("cat a.gpsz").out.splitlines()[0].startswith("track_id,t,lat")
     for written in WRITTEN:
         if written == "tum" and geographic:
@@ -160,9 +165,6 @@ def test_a_log_goes_through_all_commands(gpszip, tmp_path, name):
             assert "degrees" in done.err or "latitude" in done.err, done.err
             continue
         assert done.code == 0, done.err
-        if name not in ("csv", "tum"):
-            continue
-        again = gpszip(f"compress {back} -o none.gpsz --dry-run --json")
-        assert again.code == 0, again.err
-        assert again.json["tracks"] == 1
-        assert 2 <= again.json["points"] <= 2 * points
+        again = read_logs(tmp_path / back)
+        assert len(again.tracks) == 1
+        assert 2 <= again.points <= 2 * points

@@ -1,7 +1,6 @@
 """GeoParquet, GeoPackage, FlatGeobuf, GeoJSONL and MF-JSON from the command line."""
 
 import io
-import json
 import zipfile
 
 import numpy as np
@@ -24,13 +23,13 @@ def table(track="walk"):
     return f"track_id,t,lat,lon,ele\n{rows}"
 
 
-def test_samples_are_written_in_each_format_and_read_again(shell, tmp_path):
+def test_samples_are_written_in_each_format_and_read_again(gpszip, tmp_path):
     (tmp_path / "log.csv").write_text(table())
-    run = shell("compress log.csv -o a.gpsz --max-error 5m --effort 1 --keep ele --keep-times")
-    assert run.returncode == 0, run.stderr
+    run = gpszip("compress log.csv -o a.gpsz --max-error 5m --effort 1 --keep ele --keep-times")
+    assert run.code == 0, run.err
     for suffix in SUFFIXES:
-        run = shell(f"decompress a.gpsz -o log{suffix} --samples")
-        assert run.returncode == 0, run.stderr
+        run = gpszip(f"decompress a.gpsz -o log{suffix} --samples")
+        assert run.code == 0, run.err
         [track] = read_logs(tmp_path / f"log{suffix}", keep=("ele",)).tracks
         assert (track.id, track.times.tolist()) == ("walk", [row[0] for row in ROWS])
         assert track.attributes["ele"].tolist() == [row[3] for row in ROWS]
@@ -39,7 +38,7 @@ def test_samples_are_written_in_each_format_and_read_again(shell, tmp_path):
         assert np.hypot((lat - lats) * 111_200, (lon - lons) * 74_500).max() < 5.1
 
 
-def test_a_folder_and_a_zip_file_of_mixed_files_are_read(shell, tmp_path):
+def test_a_folder_and_a_zip_file_of_mixed_files_are_read(gpszip, tmp_path):
     (tmp_path / "logs").mkdir()
     for suffix in SUFFIXES:
         tracks = read_logs(io.BytesIO(table(suffix[1:]).encode())).tracks
@@ -49,13 +48,12 @@ def test_a_folder_and_a_zip_file_of_mixed_files_are_read(shell, tmp_path):
             archive.write(path, path.name)
 
     for number, logs in enumerate(("logs/log.*", "logs.zip", "logs/log.* --memory 1GiB")):
-        run = shell(f"compress {logs} -o {number}.gpsz --max-error 5m --effort 1 --json")
-        assert run.returncode == 0, run.stderr
-        summary = json.loads(run.stdout)
-        assert (summary["points"], summary["tracks"]) == (60 * len(SUFFIXES), len(SUFFIXES))
+        run = gpszip(f"compress {logs} -o {number}.gpsz --max-error 5m --effort 1 --json")
+        assert run.code == 0, run.err
+        assert (run.json["points"], run.json["tracks"]) == (60 * len(SUFFIXES), len(SUFFIXES))
 
 
-def test_the_formats_are_listed(shell):
-    listed = shell("formats").stdout.decode()
+def test_the_formats_are_listed(gpszip):
+    listed = gpszip("formats").out
     for name in ("geoparquet", "gpkg", "flatgeobuf", "geojsonl", "mf-json"):
         assert f"\n  {name} " in listed

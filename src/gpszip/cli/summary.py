@@ -12,6 +12,7 @@ from gpszip.cli.output import STDOUT, print_json, print_status
 from gpszip.cli.units import format_bytes, format_count, format_duration, format_length
 from gpszip.model import Report
 from gpszip.model.read_result import LeftOut, ReadResult, Repair
+from gpszip.model.text import count_phrase
 
 __all__ = [
     "describe_compression",
@@ -25,11 +26,6 @@ __all__ = [
     "summary_as_dict",
 ]
 
-
-#: The plural with which most descriptions of repairs begin.
-_PLURAL = re.compile(
-    r"^((?:repeated )?(?:row|point|position|outlier|road|feature|track|time|sentence))s\b"
-)
 
 #: How the description of a track with a new name begins, and that of many.
 _RENAMED = re.compile(r"^track renamed to ")
@@ -129,12 +125,7 @@ def describe_repairs(repairs: Iterable[Repair]) -> list[str]:
 
 def _describe_repair(repair: Repair) -> str:
     value = f" ({repair.value})" if repair.value else ""
-    return f"{repair.where}: {repair.count:,} {_in_number(repair)}{value}"
-
-
-def _in_number(repair: Repair) -> str:
-    """Return what was repaired, in the singular if it is one."""
-    return _PLURAL.sub(r"\1", repair.what) if repair.count == 1 else repair.what
+    return f"{repair.where}: {count_phrase(repair.count, repair.what)}{value}"
 
 
 def repairs_as_dict(repairs: Iterable[Repair], left_out: Iterable[LeftOut] = ()) -> dict[str, Any]:

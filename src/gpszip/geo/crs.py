@@ -136,9 +136,10 @@ def _parse_crs(crs: str, where: str) -> CRS:
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
+    # Halves of surrogate pairs, which JSON may escape, are no text for PROJ.
     try:
         return CRS.from_user_input(crs)
-    except CRSError as error:
+    except (CRSError, UnicodeEncodeError) as error:
         raise _unknown_crs_error(crs, where) from error
 
 

@@ -107,6 +107,7 @@ def test_objects_are_never_read():
     [
         "{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }",
         "{'descr': '<f8', 'fortran_order': False, 'shape': (-5,), }",
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (-1, -5), }",
         "{'descr': 'V0', 'fortran_order': False, 'shape': (10,), }",
         "__import__('os').abort()",
         "(" * 5000,
@@ -115,8 +116,17 @@ def test_objects_are_never_read():
 def test_headers_that_lie_are_refused(header):
     text = header.encode().ljust(117) + b"\n"
     data = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + bytes(40)
-    with pytest.raises(InputError, match="an array that can't be read"):
+    with pytest.raises(InputError, match="an array that can't be read") as caught:
         raw(data)
+    assert caught.value.location is None
+
+
+def test_lengths_that_no_array_has_are_refused_beside_a_length_of_0():
+    for shape in ((-1, 0), (10**30, 0), (1 << 62, 4, 0)):
+        header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+        data = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header
+        with pytest.raises(InputError, match="its header says a shape that no array has"):
+            raw(data)
 
 
 def test_archives_of_arrays_are_not_unpacked_as_logs():

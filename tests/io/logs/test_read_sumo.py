@@ -1,4 +1,5 @@
 import io
+import tracemalloc
 from xml.etree import ElementTree
 
 import numpy as np
@@ -114,6 +115,17 @@ def test_attributes():
     assert log.attributes["lane"].tolist() == ["e_0", "e_0"]
     assert log.attributes["heading"].tolist() == [90, 90]
     assert log.dropped_columns == ("pos", "slope", "type")
+
+
+def test_one_long_text_takes_no_memory_for_the_others():
+    rows = [("vehicle", "a", 1, 2)] * 2000
+    data = output([(0, rows)]).replace(b'type="', b'type="' + b"x" * 50_000, 1)
+    tracemalloc.start()
+    log = raw(data, keep=("type",))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(log.attributes["type"][0]) > 50_000
+    assert peak < 20 << 20  # as NumPy's texts they would take 400 MB
 
 
 def test_a_run_that_was_stopped_is_named_with_its_line():

@@ -109,6 +109,13 @@ def test_clocks_that_were_not_set_are_not_read():
     assert raw(start() + gps(0, 0, utc=0)).times.tolist() == [BOOT / 1e6]
 
 
+def test_times_of_gps_that_are_no_numbers_count_as_none():
+    number, text = "uint64_t time_utc_usec", "char time_utc_usec;uint8_t[7] rest"
+    fields = ulog.GPS.replace(number, text)
+    log = raw(start(fields) + gps(0, 0))
+    assert log.times.tolist() == [BOOT / 1e6]
+
+
 def test_receivers_are_tracks():
     data = start() + ulog.subscription(1, "vehicle_gps_position", 1)
     data += b"".join(gps(i % 2, i) for i in range(6))

@@ -7,7 +7,7 @@ three columns named ``pos`` becomes ``pos_x``, ``pos_y`` and ``pos_z``; one of m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -20,7 +20,8 @@ from gpszip.errors import InputError
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.logs.table_batches import TableBatch, interpret_batches
-from gpszip.io.tables.roles import Roles, find_roles
+from gpszip.io.tables.given_columns import find_requested_roles, rename_columns
+from gpszip.io.tables.roles import Roles
 from gpszip.io.tables.table import build_raw_log
 
 __all__ = ["Column", "columns_of", "open_arrays", "read_arrays"]
@@ -46,9 +47,6 @@ _REPLACEMENT = 0xFFFD
 
 #: Rows that are read at a time.
 _BATCH_ROWS = 1 << 18
-
-#: Columns that messages name.
-_MAX_SHOWN_NAMES = 20
 
 #: Letters of a reason that messages show.
 _MAX_REASON_LETTERS = 120
@@ -140,17 +138,9 @@ def _find_roles(columns: Sequence[Column], request: Request, where: str) -> Role
     InputError
         If time or position can't be found, or columns in use differ in length.
     """
-    # The roles, by name.
-    roles = find_roles(
-        [column.name for column in columns],
-        request.columns if isinstance(request.columns, Mapping) else None,
-        request.keep,
-        where,
-        heading=request.heading,
-        times=request.times,
-    )
+    roles = find_requested_roles(tuple(column.name for column in columns), request, where)
 
-    # The lengths of the columns in use.
+    # Columns in use have to be of one length.
     lengths = {columns[i].rows: columns[i].name for i in reversed(roles.used)}
     if len(lengths) > 1:
         shown = ", ".join(f"{name!r} {rows:,}" for rows, name in list(lengths.items())[:3])
@@ -166,20 +156,8 @@ def _find_roles(columns: Sequence[Column], request: Request, where: str) -> Role
 
 def _renamed(columns: Sequence[Column], request: Request, where: str) -> list[Column]:
     """Return columns with the names that the user gives in their order, if any."""
-    names = request.columns
-    if not isinstance(names, tuple):
-        return list(columns)
-    if len(names) > len(columns):
-        shown = ", ".join(column.name for column in columns[:_MAX_SHOWN_NAMES])
-        raise InputError(
-            f"has {len(columns)} columns, but --columns names {len(names)}; it has: {shown}",
-            path=where,
-        )
-    new = [*names, *([""] * (len(columns) - len(names)))]
-    return [
-        column if name in ("", "-", "_") else replace(column, name=name)
-        for column, name in zip(columns, new, strict=True)
-    ]
+    names = rename_columns([column.name for column in columns], request, where)
+    return [replace(column, name=name) for column, name in zip(columns, names, strict=True)]
 
 
 def read_arrays(columns: Sequence[Column], request: Request, where: str) -> RawLog:

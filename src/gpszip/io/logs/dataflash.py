@@ -130,10 +130,7 @@ def sniff_dataflash(head: bytes) -> bool:
     >>> sniff_dataflash(b"t,x,y")
     False
     """
-    return (
-        _is_binary(head)
-        or re.search(r"^FMT, ?\d+, ?\d+, ?\w+, ?\w", decode_head(head), re.M) is not None
-    )
+    return _is_binary(head) or _TEXT.search(decode_head(head)) is not None
 
 
 def _is_binary(head: bytes) -> bool:

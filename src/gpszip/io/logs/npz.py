@@ -113,7 +113,7 @@ def _array(data: bytes, name: str, where: str) -> NDArray[Any]:
         return InputError(
             f"an array that can't be read: {reason[:_MAX_REASON_LETTERS]}",
             path=where,
-            location=f"array {name!r}" if name else "",
+            location=f"array {name!r}" if name else None,
             remedy="save it again with numpy.savez",
         )
 
@@ -127,10 +127,15 @@ def _array(data: bytes, name: str, where: str) -> NDArray[Any]:
     # An array of a wrong size would take any amount of memory.
     if dtype.hasobject:
         raise error("it holds objects of Python, which are never read")
-    if dtype.itemsize * prod(map(int, shape)) != len(data) - stream.tell() or not dtype.itemsize:
+    if dtype.itemsize * prod(shape) != len(data) - stream.tell() or not dtype.itemsize:
         raise error("its size is not what its header says")
+
+    # Lengths may be negative, or more than NumPy counts beside a length of 0.
     values = np.frombuffer(data, dtype, offset=stream.tell())
-    return values.reshape(shape, order="F" if is_fortran else "C")
+    try:
+        return values.reshape(shape, order="F" if is_fortran else "C")
+    except (ValueError, OverflowError):
+        raise error("its header says a shape that no array has") from None
 
 
 def _header(stream: io.BytesIO) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:

@@ -123,14 +123,15 @@ def _message(line: str, findings: Findings) -> dict[str, Any] | None:
     try:
         message = json.loads(line.split("\t", 2)[-1])
     except (ValueError, RecursionError):
+        message = None
+    if not isinstance(message, dict):
         findings.count("lines that are no message left out", 1, value=line[:_MAX_KIND_LETTERS])
         return None
 
     # Transitions and waypoints have positions, too, but of places.
-    kind = message.get("_type") if isinstance(message, dict) else None
+    kind = message.get("_type")
     if kind == "location":
-        found: dict[str, Any] = message
-        return found
+        return message
     findings.count("messages other than locations ignored", 1, value=str(kind)[:_MAX_KIND_LETTERS])
     return None
 

@@ -71,8 +71,10 @@ def read_parquet(source: Source, request: Request) -> RawLog:
         table = dataset.to_table(columns=_columns_used(dataset.schema, roles))
         table.validate(full=True)  # finds texts that aren't UTF-8, for instance
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"damaged Parquet file: {reason}", path=source.name) from None
+        reason = str(error).splitlines()[0].rstrip(".")
+        raise InputError(
+            f"damaged Parquet file: {reason}", path=source.name, remedy="fetch or write it again"
+        ) from None
     if table.num_rows == 0:
         raise NoPositionsError("columns, but no rows", path=source.name)
     return build_raw_log(table.columns, names, roles, request, source.name)
@@ -99,21 +101,26 @@ def read_parquet_batches(source: Source, request: Request) -> LogBatches | None:
     InputError
         If there is no column for time or position.
     """
+    # What has to be read at once.
     path = source.path
     if path is None or source.is_gzip:
         return None
+
+    # Positions in geometries, if these are points.
     dataset = _open_dataset(source)
     schema = dataset.schema
     geometries = open_geoparquet(schema, partial(_tables, dataset), request, source.name)
-    if geometries is not None and geometries.points is None:
-        return None
-    if geometries is not None and geometries.points is not None:
+    if geometries is not None:
         points = geometries.points
+        if points is None:
+            return None
         return LogBatches(
             points.logs(request),
             CoordinateKind(points.reference.geographic, len(points.roles.axes)),
             count_rows=lambda: _count_rows(path),
         )
+
+    # Positions in columns of numbers.
     names = rename_columns(schema.names, request, source.name)
     roles = find_requested_roles(names, request, source.name)
     return LogBatches(

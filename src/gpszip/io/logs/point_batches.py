@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError, NoPositionsError
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
-from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request
+from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request, join_batches
 from gpszip.io.storage.source import Source
 from gpszip.model.read_result import LeftOut, Repair
+from gpszip.model.text import count_phrase
 
 __all__ = ["Findings", "Parser", "PointBatch", "open_points", "read_points"]
 
@@ -130,7 +131,7 @@ class Findings:
 
     def no_point_error(self) -> InputError:
         """Return the error for a file without points, which names what it holds instead."""
-        found = ", ".join(f"{count.number:,} {what}" for what, count in self._counts.items())
+        found = ", ".join(count_phrase(count.number, what) for what, count in self._counts.items())
         return NoPositionsError(
             f"{self.empty}{f': {found}' if found else ''}", path=self.name, remedy=self.remedy
         )
@@ -171,22 +172,7 @@ def read_points(source: Source, request: Request, parse: Parser) -> RawLog:
     >>> log.ids, log.codes.tolist(), log.attributes["ele"].tolist()
     (('a', 'b'), [0, 1, 0, 1], [0.0, 1.0, 2.0, 3.0])
     """
-    # The last batch names all tracks, and says what was repaired.
-    logs = list(_read_batches(source, request, parse))
-    codes = [log.codes for log in logs if log.codes is not None]
-    dropped = dict.fromkeys(name for log in logs for name in log.dropped_columns)
-    return replace(
-        logs[-1],
-        codes=np.concatenate(codes) if codes else None,
-        times=np.concatenate([log.times for log in logs]),
-        coordinates=np.concatenate([log.coordinates for log in logs]),
-        attributes={
-            name: np.concatenate([log.attributes[name] for log in logs])
-            for name in logs[-1].attributes
-        },
-        first=1,
-        dropped_columns=tuple(dropped),
-    )
+    return join_batches(list(_read_batches(source, request, parse)))
 
 
 def open_points(

@@ -6,9 +6,9 @@ plane happen afterwards, alike for all formats (:mod:`gpszip.io.logs.read`).
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
-from dataclasses import dataclass, field
-from itertools import count
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain, count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ __all__ = [
     "RawLog",
     "Request",
     "UnreadableCell",
+    "join_batches",
     "unused_name",
 ]
 
@@ -176,6 +177,41 @@ class RawLog:
     guessed_unit: GuessedUnit | None = None
     time_of_day: bool = False
     axes: tuple[str, ...] = ()
+
+
+def join_batches(batches: Sequence[RawLog]) -> RawLog:
+    """Return the batches of one file as one log.
+
+    Parameters
+    ----------
+    batches : sequence of RawLog
+        At least one, in the order of the file. The last one has the names of all tracks.
+
+    Examples
+    --------
+    >>> batches = [
+    ...     RawLog("a", (), None, np.full(2, t), np.zeros((2, 2)), False) for t in (1.0, 2.0)
+    ... ]
+    >>> join_batches(batches).times.tolist()
+    [1.0, 1.0, 2.0, 2.0]
+    """
+    last = batches[-1]
+    codes = [batch.codes for batch in batches if batch.codes is not None]
+    dropped = dict.fromkeys(chain.from_iterable(batch.dropped_columns for batch in batches))
+    return replace(
+        last,
+        codes=np.concatenate(codes) if codes else None,
+        times=np.concatenate([batch.times for batch in batches]),
+        coordinates=np.concatenate([batch.coordinates for batch in batches]),
+        attributes={
+            name: np.concatenate([batch.attributes[name] for batch in batches])
+            for name in last.attributes
+        },
+        first=1,
+        dropped_columns=tuple(dropped),
+        repairs=tuple(chain.from_iterable(batch.repairs for batch in batches)),
+        left_out=tuple(chain.from_iterable(batch.left_out for batch in batches)),
+    )
 
 
 def unused_name(name: str, taken: Container[str]) -> str:

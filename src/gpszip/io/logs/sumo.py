@@ -6,7 +6,7 @@ The file is read as a stream by expat. Entities can't be declared, and tags and 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 from xml.parsers import expat
@@ -169,7 +169,7 @@ def _damage(source: Source, error: expat.ExpatError, skipped: int, points: int) 
 def _is_geographic(source: Source, request: Request) -> bool:
     """Whether positions are degrees."""
     # The user knows best, then the options of SUMO.
-    columns = request.columns if isinstance(request.columns, dict) else {}
+    columns = request.columns if isinstance(request.columns, Mapping) else {}
     if {"lat", "lon", "x", "y"} & columns.keys():
         return "lat" in columns or "lon" in columns
     text = decode_head(source.head())
@@ -241,7 +241,8 @@ class _Collector:
             name: np.array([_number(row.get(key)) for row in self.rows], np.float64)
             for name, key in _NUMBERS.items()
         }
-        texts = {key: np.array([row.get(key, "") for row in self.rows], str) for key in _TEXTS}
+        # NumPy's own texts would all take as much memory as the longest one.
+        texts = {key: np.array([row.get(key, "") for row in self.rows], object) for key in _TEXTS}
         batch = PointBatch(
             np.array(self.times, np.float64),
             coordinates[:, ::-1] if self.geographic else coordinates,

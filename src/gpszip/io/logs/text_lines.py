@@ -62,8 +62,7 @@ def read_lines(source: Source) -> Iterator[Any]:
     >>> [line for lines in read_lines(source) for line in lines.to_pylist()]
     ['one', 'two']
     """
-    # The last line in memory may go on in the next chunk. A carriage return at its end may be the
-    # first half of a line end.
+    # Decode chunk by chunk.
     decoder = codecs.getincrementaldecoder(_encoding(source.head()))("replace")
     rest = ""
     number = 1
@@ -73,10 +72,15 @@ def read_lines(source: Source) -> Iterator[Any]:
             chunk = read_chunk(stream, _CHUNK_BYTES)
             is_at_end = not chunk
             text = rest + decoder.decode(chunk, is_at_end)
+
+            # The last line in memory may go on in the next chunk. A carriage return at its end may
+            # be the first half of a line end.
             held = "\r" if text.endswith("\r") and not is_at_end else ""
             lines = _split(text.removesuffix("\r") if held else text)
             rest = "" if is_at_end else lines.pop() + held
             number += len(lines)
+
+            # A line without an end would fill the memory.
             if len(rest) > _MAX_LINE_LETTERS:
                 raise InputError(
                     "a line of more than 4 million letters",

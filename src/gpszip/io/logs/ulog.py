@@ -184,16 +184,16 @@ class _Log:
 
     def add(self, kind: int, body: bytes) -> None:
         """Note what a message says."""
-        # Data are most of a file.
+        # Data are most of a file. All messages of one topic have one size.
         if kind == ord("D") and len(body) > 2:
             number = int.from_bytes(body[:2], "little")
             if number not in self.data:
                 return
-            # All messages of one topic have one size.
             if self.sizes.setdefault(number, len(body) - 2) == len(body) - 2:
                 self.data[number] += body[2:]
             else:
                 self.odd += 1
+
         # Subscriptions number the topics.
         elif kind == ord("A") and len(body) > 3:
             topic = body[3:].decode("ascii", "replace")
@@ -201,6 +201,7 @@ class _Log:
             self.topics[number] = (topic, body[0])
             if topic in _TOPICS:
                 self.data.setdefault(number, bytearray())
+
         # Formats come before them, dropouts wherever they happened.
         elif kind == ord("F"):
             name, _, fields = body.decode("ascii", "replace").partition(":")
@@ -313,12 +314,11 @@ def _note_damage(
 def _offset_of_clock(tables: list[Rows]) -> float | None:
     """Return UTC less the time of the autopilot in microseconds; None if it is unknown."""
     for rows in tables:
-        names = rows.dtype.names or ()
-        if "time_utc_usec" in names and "timestamp" in names:
-            utc = rows["time_utc_usec"].astype(np.float64)
-            is_known = utc > _LEAST_UTC
-            if is_known.any():
-                return float(np.median((utc - rows["timestamp"])[is_known]))
+        get = _getter(rows)
+        utc, since_start = get("time_utc_usec"), get("timestamp")
+        is_known = (utc > _LEAST_UTC) & np.isfinite(since_start)
+        if is_known.any():
+            return float(np.median((utc - since_start)[is_known]))
     return None
 
 

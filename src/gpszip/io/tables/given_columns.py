@@ -14,6 +14,9 @@ __all__ = ["find_requested_roles", "rename_columns"]
 #: Names by which ``--columns`` passes over a column.
 _UNNAMED = ("", "-", "_")
 
+#: Columns that messages name.
+_MAX_SHOWN_NAMES = 20
+
 
 def rename_columns(names: Any, request: Request, where: str) -> tuple[str, ...]:
     """Return the names of a table's columns, replaced by those that the user gives in order.
@@ -42,7 +45,9 @@ def rename_columns(names: Any, request: Request, where: str) -> tuple[str, ...]:
         return found
     if len(request.columns) > len(found):
         raise InputError(
-            f"has {len(found)} columns, but --columns names {len(request.columns)}", path=where
+            f"has {len(found)} columns, but --columns names {len(request.columns)}",
+            path=where,
+            remedy=f"it has: {', '.join(found[:_MAX_SHOWN_NAMES])}",
         )
     renamed = tuple(
         old if new in _UNNAMED else new for new, old in zip(request.columns, found, strict=False)

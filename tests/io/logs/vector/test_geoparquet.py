@@ -95,8 +95,9 @@ def test_an_unknown_crs_is_metres_and_the_summary_says_so(tmp_path):
     assert reading.repairs[0].count == 5
 
 
-def test_a_crs_that_is_none_is_refused(tmp_path):
-    path = put(tmp_path / "a.parquet", geo(crs={"type": "nonsense"}), wkb())
+@pytest.mark.parametrize("crs", [{"type": "nonsense"}, "\ud800"])
+def test_a_crs_that_is_none_is_refused(tmp_path, crs):
+    path = put(tmp_path / "a.parquet", geo(crs=crs), wkb())
     with pytest.raises(InputError, match="unknown coordinate system"):
         read_logs(path, columns={"t": "when"})
 

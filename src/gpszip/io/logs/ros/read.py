@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from itertools import chain
-
-import numpy as np
 
 from gpszip.errors import NoPositionsError
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
-from gpszip.io.logs.raw import RawLog, Request
+from gpszip.io.logs.raw import RawLog, Request, join_batches
 from gpszip.io.logs.ros.bags import (
     BAG_MAGIC,
     MCAP_MAGIC,
@@ -23,6 +19,7 @@ from gpszip.io.logs.ros.bags import (
 from gpszip.io.logs.ros.frames import FrameReader, transform_topics
 from gpszip.io.logs.ros.topics import TopicReader, choose_topics
 from gpszip.io.storage.source import Source
+from gpszip.model.text import count_phrase
 
 __all__ = ["read_ros", "read_ros_batches", "sniff_ros"]
 
@@ -110,23 +107,9 @@ def _join(logs: Sequence[RawLog]) -> RawLog:
     # Without a pose, what was dropped says why.
     if not logs or not any(len(log.times) for log in logs):
         name = logs[0].name if logs else ""
-        counts = [f"{item.count:,} {item.what}" for log in logs for item in log.repairs]
+        counts = [count_phrase(item.count, item.what) for log in logs for item in log.repairs]
         why = f": {', '.join(counts)}" if counts else ""
         raise NoPositionsError(
             f"holds no pose{why}", path=name, remedy="choose another --topic, or another bag"
         )
-
-    # The last batch has the names of all tracks.
-    last = logs[-1]
-    codes = [log.codes for log in logs if log.codes is not None]
-    return replace(
-        last,
-        codes=np.concatenate(codes) if codes else None,
-        times=np.concatenate([log.times for log in logs]),
-        coordinates=np.concatenate([log.coordinates for log in logs]),
-        attributes={
-            name: np.concatenate([log.attributes[name] for log in logs]) for name in last.attributes
-        },
-        first=1,
-        repairs=tuple(chain.from_iterable(log.repairs for log in logs)),
-    )
+    return join_batches(logs)

@@ -14,13 +14,14 @@ import numpy as np
 import pyarrow as pa
 
 from gpszip.errors import InputError, MissingExtraError, OutputError
+from gpszip.geo.crs import METRES
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.logs.track_rows import TrackRows
 from gpszip.io.logs.vector.geometry import geometry_kinds, parse_lines, parse_points
 from gpszip.io.logs.vector.line_rows import read_line_rows
 from gpszip.io.logs.vector.point_rows import PointRows, open_point_rows
-from gpszip.io.logs.vector.point_tables import LOCAL_METRES, point_tables, to_timestamps
+from gpszip.io.logs.vector.point_tables import point_tables, to_timestamps
 from gpszip.io.logs.vector.reference import Reference, find_reference
 from gpszip.io.storage.source import Source
 from gpszip.model.read_result import LeftOut
@@ -444,7 +445,7 @@ def _write(tracks: Iterable[TrackRows], sink: BinaryIO, driver: str) -> None:
                 driver=driver,
                 geometry_name="geometry",
                 geometry_type="Point Z" if opened.has_z else "Point",
-                crs="EPSG:4326" if opened.geographic else LOCAL_METRES,
+                crs="EPSG:4326" if opened.geographic else METRES,
                 layer_options={"SPATIAL_INDEX": "NO"},
             )
         )

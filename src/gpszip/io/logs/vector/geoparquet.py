@@ -12,18 +12,13 @@ import numpy as np
 import pyarrow as pa
 
 from gpszip.errors import InputError
-from gpszip.geo.crs import to_projjson
+from gpszip.geo.crs import METRES, to_projjson
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.logs.track_rows import TrackRows
 from gpszip.io.logs.vector.geometry import geometry_kinds, parse_points
 from gpszip.io.logs.vector.line_rows import read_line_rows
 from gpszip.io.logs.vector.point_rows import PointRows, open_point_rows
-from gpszip.io.logs.vector.point_tables import (
-    LOCAL_METRES,
-    PointTable,
-    point_tables,
-    to_timestamps,
-)
+from gpszip.io.logs.vector.point_tables import PointTable, point_tables, to_timestamps
 from gpszip.io.logs.vector.reference import Reference, ReferenceKind, find_reference
 from gpszip.io.tables.roles import find_roles
 
@@ -241,7 +236,7 @@ def write_geoparquet(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
         "encoding": "WKB",
         "geometry_types": ["Point Z" if opened.has_z else "Point"],
         "covering": {"bbox": {name: ["bbox", name] for name in _BOX_NUMBERS}},
-        **({} if opened.geographic else {"crs": to_projjson(LOCAL_METRES, "log")}),
+        **({} if opened.geographic else {"crs": to_projjson(METRES)}),
     }
     geo = {"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": columns}}
     metadata = {b"geo": json.dumps(geo).encode()}

@@ -57,7 +57,7 @@ class PointRows:
     name : str
         Name of the file in messages.
     column_names : tuple of str
-        As :func:`point_names` returns them.
+        Names of the columns of coordinates, then those of the other columns.
     roles : Roles
         Which column holds what.
     geometry : str

@@ -16,10 +16,7 @@ from gpszip.io.logs.raw import HEIGHT_NAMES
 from gpszip.io.logs.track_rows import TrackRows
 from gpszip.io.logs.track_table import track_tables
 
-__all__ = ["LOCAL_METRES", "PointTable", "PointTables", "point_tables", "to_timestamps"]
-
-#: The coordinate system of metres on a plane of their own, in well-known text.
-LOCAL_METRES = 'LOCAL_CS["metres",UNIT["metre",1]]'
+__all__ = ["PointTable", "PointTables", "point_tables", "to_timestamps"]
 
 #: Names of columns that rows have besides attributes.
 _OWN_NAMES = ("geometry", "bbox", "time", "fid", "geom")
