@@ -17,8 +17,8 @@ from gpszip.io.logs.formats import (
     format_named,
     log_formats,
 )
-from gpszip.io.logs.google.read import history_list
 from gpszip.io.logs.log_format import LogFormat
+from gpszip.io.logs.sniff.json import history_list
 from gpszip.io.storage.source import Source
 
 __all__ = ["ReadFiles", "choose_format", "may_be_log"]

@@ -5,7 +5,6 @@ Histories are read in batches, so they may be larger than memory.
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -28,29 +27,16 @@ from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request, UnreadableCell
 from gpszip.io.storage.source import Source
 from gpszip.io.values.coordinates import parse_degrees
-from gpszip.io.values.json_stream import Element, detect_encoding, read_json
+from gpszip.io.values.json_stream import Element, read_json
 from gpszip.io.values.timestamps import times_to_seconds
 from gpszip.model.read_result import LeftOut, Repair
 
 __all__ = [
-    "history_list",
     "read_google",
     "read_google_batches",
     "read_google_paths",
     "read_google_paths_batches",
-    "sniff_google",
-    "sniff_google_paths",
 ]
-
-#: Letters by which a history is recognised.
-_SNIFFED_LETTERS = 1000
-
-#: The start of a history: the first member of its object, or of the first entry of its list.
-_START = re.compile(
-    r"[\s\ufeff]*(?:\{\s*\"(locations|rawSignals|timelineEdits|semanticSegments|timelineObjects"
-    r"|userLocationProfile)\"\s*:"
-    r"|\[\s*\{\s*\"(?:startTime|endTime|timelinePath|visit|activity|timelineMemory)\"\s*:)"
-)
 
 #: Positions that are turned into columns together.
 _BATCH_ROWS = 1 << 16
@@ -82,39 +68,6 @@ _MAX_KIND_LETTERS = 30
 _MAX_KINDS = 100
 
 Floats = NDArray[np.float64]
-
-
-def sniff_google(head: bytes) -> bool:
-    """Whether a file that starts like this is a location history of Google.
-
-    Examples
-    --------
-    >>> sniff_google(b'{"locations": [{"latitudeE7": 480000000'), sniff_google(b'{"type": "Fea')
-    (True, False)
-    """
-    return _match_start(head) is not None
-
-
-def history_list(head: bytes) -> str:
-    """Return the name of the list with which a history begins; empty for a list without a name.
-
-    Examples
-    --------
-    >>> history_list(b'{"locations": [{"latitudeE7": 480000000')
-    'locations'
-    """
-    start = _match_start(head)
-    return "" if start is None else start[1] or ""
-
-
-def _match_start(head: bytes) -> re.Match[str] | None:
-    text = head[: 4 * _SNIFFED_LETTERS].decode(detect_encoding(head), "ignore")
-    return _START.match(text[:_SNIFFED_LETTERS])
-
-
-def sniff_google_paths(_head: bytes) -> bool:
-    """Return False: paths of a history are read instead of its positions only if asked for."""
-    return False
 
 
 def read_google(source: Source, request: Request) -> RawLog:
