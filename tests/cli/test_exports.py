@@ -5,6 +5,7 @@ import io
 import json
 import os
 import re
+from pathlib import Path
 
 import pytest
 
@@ -101,6 +102,49 @@ def test_paths_of_a_history_are_read_if_asked_for(tmp_path):
         assert "2 files of positions instead of paths: 2 .json" in map(str, result.other_files)
 
 
+def split_takeout():
+    """The two archives of an export whose second one has what devices measured."""
+    files = exports.takeout()
+    second = {name: data for name, data in files.items() if name.endswith("Records.json")}
+    first = {name: data for name, data in files.items() if name not in second}
+    return exports.zipped(first), exports.zipped(second)
+
+
+def test_a_takeout_in_several_archives_is_read_as_one(tmp_path):
+    (tmp_path / "parts").mkdir()
+    names = [str(tmp_path / f"parts/takeout-20240504T080000Z-00{i}.zip") for i in (1, 2)]
+    for name, data in zip(names, split_takeout(), strict=True):
+        Path(name).write_bytes(data)
+    pattern = str(tmp_path / "parts/takeout-*.zip")
+    for sources in (str(tmp_path / "parts"), names, pattern, [pattern]):
+        result = read_logs(sources)
+        assert {track.id: len(track) for track in result.tracks} == {"5": 2 * N}, sources
+        assert result.complete
+        assert "2 files of the same history" in " ".join(map(str, result.other_files))
+
+
+def test_records_in_a_folder_that_comes_later_are_preferred(tmp_path):
+    files = exports.takeout()
+    records = next(name for name in files if name.endswith("Records.json"))
+    exports.unpacked({"b/Records.json": files.pop(records), **files}, tmp_path / "logs")
+    assert [track.id for track in read_logs(str(tmp_path / "logs")).tracks] == ["5"]
+
+
+def test_what_devices_measured_is_never_left_out_in_silence(tmp_path):
+    """Renamed, it doesn't come first: then it is named as a loss."""
+    files = exports.takeout()
+    records = next(name for name in files if name.endswith("Records.json"))
+    months = next(name for name in files if name.endswith("2021_MAY.json"))
+    renamed = {"a.json": files[months], "b.json": files[records]}
+    exports.unpacked(renamed, tmp_path / "logs")
+    result = read_logs(str(tmp_path / "logs"))
+    assert [track.id for track in result.tracks] == ["a"]
+    assert not result.complete
+    [left] = result.left_out
+    assert left.name == str(tmp_path / "logs/b.json")
+    assert "comes after a.json, which has paths of the same history" in left.reason
+
+
 def test_months_are_read_where_there_are_no_records(tmp_path):
     files = {
         name: data
@@ -183,7 +227,7 @@ def test_links_pipes_and_hidden_files_of_folders(tmp_path):
     (logs / "loop").symlink_to(logs, target_is_directory=True)
     (logs / "same.gpx").symlink_to(logs / "2021-05/04.gpx")
     (logs / "nowhere.gpx").symlink_to(logs / "none.gpx")
-    os.mkfifo(logs / "pipe")
+    os.mkfifo(logs / "pipe.zip")
     for name in (".git/a.gpx", "__MACOSX/a.gpx", ".hidden.gpx"):
         exports.unpacked({name: exports.gpx(7, "hidden")}, logs)
     result = read_logs(str(logs))
@@ -192,7 +236,7 @@ def test_links_pipes_and_hidden_files_of_folders(tmp_path):
         (str(logs / "nowhere.gpx"), "no such file")
     ]
     assert {str(each) for each in result.other_files} == {
-        "1 file without positions: 1 without a suffix",
+        "1 file without positions: 1 .zip",
         "1 file with the same bytes as another one: 1 .gpx",
     }
 
