@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError, NoPositionsError
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
-from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request
+from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request, join_batches
 from gpszip.io.storage.source import Source
 from gpszip.model.read_result import LeftOut, Repair
 
@@ -171,22 +171,7 @@ def read_points(source: Source, request: Request, parse: Parser) -> RawLog:
     >>> log.ids, log.codes.tolist(), log.attributes["ele"].tolist()
     (('a', 'b'), [0, 1, 0, 1], [0.0, 1.0, 2.0, 3.0])
     """
-    # The last batch names all tracks, and says what was repaired.
-    logs = list(_read_batches(source, request, parse))
-    codes = [log.codes for log in logs if log.codes is not None]
-    dropped = dict.fromkeys(name for log in logs for name in log.dropped_columns)
-    return replace(
-        logs[-1],
-        codes=np.concatenate(codes) if codes else None,
-        times=np.concatenate([log.times for log in logs]),
-        coordinates=np.concatenate([log.coordinates for log in logs]),
-        attributes={
-            name: np.concatenate([log.attributes[name] for log in logs])
-            for name in logs[-1].attributes
-        },
-        first=1,
-        dropped_columns=tuple(dropped),
-    )
+    return join_batches(list(_read_batches(source, request, parse)))
 
 
 def open_points(

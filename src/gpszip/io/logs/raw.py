@@ -6,13 +6,14 @@ plane happen afterwards, alike for all formats (:mod:`gpszip.io.logs.read`).
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
-from dataclasses import dataclass, field
-from itertools import count
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain, count
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.errors import InputError
 from gpszip.model.read_result import LeftOut, Repair
 
 __all__ = [
@@ -21,6 +22,8 @@ __all__ = [
     "RawLog",
     "Request",
     "UnreadableCell",
+    "find_kept",
+    "join_batches",
     "unused_name",
 ]
 
@@ -176,6 +179,84 @@ class RawLog:
     guessed_unit: GuessedUnit | None = None
     time_of_day: bool = False
     axes: tuple[str, ...] = ()
+
+
+def join_batches(logs: Sequence[RawLog]) -> RawLog:
+    """Join the batches of a file, of which the last one names all tracks.
+
+    Parameters
+    ----------
+    logs : sequence of RawLog
+        At least one, in the order of the file, with the same attributes.
+
+    Examples
+    --------
+    >>> logs = [
+    ...     RawLog("a", ("p",), np.array([0]), np.zeros(1), np.zeros((1, 2)), True),
+    ...     RawLog("a", ("p", "q"), np.array([1]), np.ones(1), np.ones((1, 2)), True, first=2),
+    ... ]
+    >>> joined = join_batches(logs)
+    >>> joined.ids, joined.codes.tolist(), joined.times.tolist(), joined.first
+    (('p', 'q'), [0, 1], [0.0, 1.0], 1)
+    """
+    # What single batches say: rows count from the start of the file.
+    last = logs[-1]
+    codes = [log.codes for log in logs if log.codes is not None]
+    cells = (replace(cell, row=cell.row + log.first - 1) for log in logs for cell in log.unreadable)
+    unreadable: dict[str, UnreadableCell] = {}
+    for cell in cells:
+        unreadable.setdefault(cell.column, cell)
+
+    return replace(
+        last,
+        codes=np.concatenate(codes) if codes else None,
+        times=np.concatenate([log.times for log in logs]),
+        coordinates=np.concatenate([log.coordinates for log in logs]),
+        attributes={
+            name: np.concatenate([log.attributes[name] for log in logs]) for name in last.attributes
+        },
+        first=1,
+        dropped_columns=tuple(dict.fromkeys(chain(*(log.dropped_columns for log in logs)))),
+        repairs=tuple(chain(*(log.repairs for log in logs))),
+        left_out=tuple(chain(*(log.left_out for log in logs))),
+        unreadable=tuple(unreadable.values()),
+    )
+
+
+def find_kept(
+    request: Request, synonyms: Mapping[str, tuple[str, ...]], heading: str, where: str
+) -> dict[str, str]:
+    """Return the column to keep for each name that was asked for.
+
+    Parameters
+    ----------
+    request : Request
+        The names.
+    synonyms : mapping of str to tuple of str
+        Names by which each column may be asked for, in lower case.
+    heading : str
+        The column that is kept if headings are.
+    where : str
+        Name of the file for messages.
+
+    Raises
+    ------
+    InputError
+        If no column has a name that was asked for.
+
+    Examples
+    --------
+    >>> find_kept(Request(keep=("Height",)), {"alt": HEIGHT_NAMES, "course": ()}, "course", "a")
+    {'Height': 'alt'}
+    """
+    kept = {}
+    for name in request.keep:
+        columns = [column for column, names in synonyms.items() if name.lower() in names]
+        if not columns:
+            shown = ", ".join(synonyms)
+            raise InputError(f"no {name!r} to keep", path=where, remedy=f"its points have: {shown}")
+        kept[name] = columns[0]
+    return {**kept, "heading": heading} if request.heading else kept
 
 
 def unused_name(name: str, taken: Container[str]) -> str:

@@ -276,7 +276,8 @@ class _Window:
         try:
             self._text = unread + self._decoder.decode(data, final=self._is_at_end)
         except UnicodeDecodeError as error:
-            character = self._passed + len(unread)
+            right = len(error.object[: error.start].decode(error.encoding, "ignore"))
+            character = self._passed + len(unread) + right
             raise InputError(
                 f"damaged JSON file: no {error.encoding.upper()} after character {character:,}",
                 path=self._name,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,14 @@ from gpszip.io.logs.google.entries import (
     positions_in,
 )
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
-from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request, UnreadableCell
+from gpszip.io.logs.raw import (
+    HEIGHT_NAMES,
+    RawLog,
+    Request,
+    UnreadableCell,
+    find_kept,
+    join_batches,
+)
 from gpszip.io.storage.source import Source
 from gpszip.io.values.coordinates import parse_degrees
 from gpszip.io.values.json_stream import Element, read_json
@@ -122,27 +129,7 @@ def read_google_paths_batches(source: Source, request: Request) -> LogBatches:
 
 
 def _read(reader: _Reader) -> RawLog:
-    """Read all batches and join them."""
-    # The last batch names all devices, and says what was left out.
-    logs = list(_read_batches(reader))
-    codes = [log.codes for log in logs if log.codes is not None]
-    unreadable = (
-        replace(cell, row=cell.row + log.first - 1) for log in logs for cell in log.unreadable
-    )
-    dropped = dict.fromkeys(name for log in logs for name in log.dropped_columns)
-    return replace(
-        logs[-1],
-        codes=np.concatenate(codes) if codes else None,
-        times=np.concatenate([log.times for log in logs]),
-        coordinates=np.concatenate([log.coordinates for log in logs]),
-        attributes={
-            name: np.concatenate([log.attributes[name] for log in logs])
-            for name in logs[-1].attributes
-        },
-        first=1,
-        dropped_columns=tuple(dropped),
-        unreadable=tuple(unreadable)[:1],
-    )
+    return join_batches(list(_read_batches(reader)))
 
 
 def _open(reader: _Reader) -> LogBatches:
@@ -189,7 +176,7 @@ class _Reader:
     def __init__(self, source: Source, request: Request, *, paths_only: bool) -> None:
         self._source, self._name = source, source.name
         self._request = request
-        self._kept = _kept_columns(request, source.name)
+        self._kept = find_kept(request, _SYNONYMS, "heading", source.name)
         self._paths_only = paths_only
         self._counts = _Counts()
         self._devices: dict[str, int] | None = None  # codes by name, if entries may name devices
@@ -373,15 +360,3 @@ def _unreadable(points: Any, coordinates: Floats) -> tuple[UnreadableCell, ...]:
         return ()
     row = int(bad.argmax())
     return (UnreadableCell("point", row, points[row].as_py()),)
-
-
-def _kept_columns(request: Request, where: str) -> dict[str, str]:
-    """Return the column to keep for each name that was asked for."""
-    kept = {}
-    for name in request.keep:
-        columns = [column for column, names in _SYNONYMS.items() if name.lower() in names]
-        if not columns:
-            shown = ", ".join(_SYNONYMS)
-            raise InputError(f"no {name!r} to keep", path=where, remedy=f"its points have: {shown}")
-        kept[name] = columns[0]
-    return {**kept, "heading": "heading"} if request.heading else kept

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from itertools import chain
-
-import numpy as np
 
 from gpszip.errors import NoPositionsError
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
-from gpszip.io.logs.raw import RawLog, Request
+from gpszip.io.logs.raw import RawLog, Request, join_batches
 from gpszip.io.logs.ros.bags import Bag, kind_of, named_faults, open_bag
 from gpszip.io.logs.ros.frames import FrameReader, transform_topics
 from gpszip.io.logs.ros.topics import TopicReader, choose_topics
@@ -89,18 +85,4 @@ def _join(logs: Sequence[RawLog]) -> RawLog:
         raise NoPositionsError(
             f"holds no pose{why}", path=name, remedy="choose another --topic, or another bag"
         )
-
-    # The last batch has the names of all tracks.
-    last = logs[-1]
-    codes = [log.codes for log in logs if log.codes is not None]
-    return replace(
-        last,
-        codes=np.concatenate(codes) if codes else None,
-        times=np.concatenate([log.times for log in logs]),
-        coordinates=np.concatenate([log.coordinates for log in logs]),
-        attributes={
-            name: np.concatenate([log.attributes[name] for log in logs]) for name in last.attributes
-        },
-        first=1,
-        repairs=tuple(chain.from_iterable(log.repairs for log in logs)),
-    )
+    return join_batches(logs)
