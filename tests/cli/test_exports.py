@@ -2,7 +2,6 @@
 
 import gzip
 import io
-import json
 import os
 import re
 from pathlib import Path
@@ -82,16 +81,16 @@ def test_an_export_is_read_completely(tmp_path, kind, form):
 
 
 @pytest.mark.parametrize("more", ["", "--memory 1GiB", "--dry-run"])
-def test_the_command_says_what_it_left_out(shell, tmp_path, more):
+def test_the_command_says_what_it_left_out(gpszip, tmp_path, more):
     write("strava", "zip", tmp_path)
-    run = shell(f"compress strava.zip -o me.gpsz --effort 1 --json {more}")
-    assert run.returncode == 0, run.stderr
-    summary = json.loads(run.stdout)
+    run = gpszip(f"compress strava.zip -o me.gpsz --effort 1 --json {more}")
+    assert run.code == 0, run.err
+    summary = run.json
     [others] = summary["other_files"]
     assert others["kinds"] == {".csv": 5, ".jpg": 2, ".json": 1, ".tcx": 1}
     assert (summary["tracks"], summary["points"]) == (4, 4 * N)
-    run = shell(f"compress strava.zip -o again.gpsz --effort 1 {more}")
-    assert b"gpszip: strava.zip: left out 9 files without positions: 5 .csv, 2 .jpg" in run.stderr
+    run = gpszip(f"compress strava.zip -o again.gpsz --effort 1 {more}")
+    assert "gpszip: strava.zip: left out 9 files without positions: 5 .csv, 2 .jpg" in run.err
 
 
 def test_paths_of_a_history_are_read_if_asked_for(tmp_path):
@@ -184,7 +183,7 @@ def test_large_files_of_other_kinds_are_not_read(tmp_path):
     assert [str(each) for each in result.other_files] == ["1 file without positions: 1 .mp4"]
 
 
-def test_many_repairs_of_one_kind_are_one_line(shell, tmp_path):
+def test_many_repairs_of_one_kind_are_one_line(gpszip, tmp_path):
     time = round(exports.START.timestamp())
     for day in range(8):
         record = fit.record(time + day * 86400 - 5)
@@ -193,9 +192,9 @@ def test_many_repairs_of_one_kind_are_one_line(shell, tmp_path):
         ]
         (tmp_path / "rides").mkdir(exist_ok=True)
         (tmp_path / f"rides/{day}.fit").write_bytes(fit.fit(fit.file_id(), record, *records))
-    run = shell("compress rides -o me.gpsz --effort 1")
-    assert run.returncode == 0, run.stderr
-    assert re.search(rb"rides/0\.fit.* and 7 more: 8 .* dropped", run.stderr), run.stderr
+    run = gpszip("compress rides -o me.gpsz --effort 1")
+    assert run.code == 0, run.err
+    assert re.search(r"rides/0\.fit.* and 7 more: 8 .* dropped", run.err), run.err
 
 
 def test_archives_in_archives_have_a_limit(tmp_path):
