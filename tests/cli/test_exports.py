@@ -144,6 +144,18 @@ def test_what_devices_measured_is_never_left_out_in_silence(tmp_path):
     assert "comes after a.json, which has paths of the same history" in left.reason
 
 
+def test_an_empty_list_does_not_stand_for_the_history(tmp_path):
+    files = exports.takeout()
+    files = {name: data for name, data in files.items() if not name.endswith("Edits.json")}
+    files = {
+        name: b'{"locations": []}' if name.endswith("Records.json") else data
+        for name, data in files.items()
+    }
+    exports.unpacked(files, tmp_path / "logs")
+    result = read_logs(str(tmp_path / "logs"))
+    assert [track.id for track in result.tracks] == ["2021_MAY"]
+
+
 def test_months_are_read_where_there_are_no_records(tmp_path):
     files = {
         name: data

@@ -120,11 +120,15 @@ class ReadFiles:
         """Return why a history is left out: exports hold the same positions in several lists."""
         if format_ not in (GOOGLE, GOOGLE_PATHS):
             return ""
+        # A list without entries says nothing of the others.
         found = history_list(source.head())
+        if found is None:
+            return ""
         if format_ is GOOGLE_PATHS and found in _MEASURED:
             return _NO_PATHS
-        part = _PART.fullmatch(PurePosixPath(source.collection).name)
-        export = source.collection if part is None else part[1]
+
+        # The first list that is met is read.
+        export = _export_of(source.collection)
         chosen, name = self.histories.setdefault(export, (found, source.name))
         if chosen == found:
             return ""
@@ -139,3 +143,9 @@ class ReadFiles:
                 remedy="name it alone, or before the other",
             )
         return _SAME_HISTORY.format(name=first)
+
+
+def _export_of(collection: str) -> str:
+    """Return the name of the export that a folder or archive is, or is a part of."""
+    part = _PART.fullmatch(PurePosixPath(collection).name)
+    return collection if part is None else part[1]

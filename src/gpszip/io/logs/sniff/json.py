@@ -26,6 +26,9 @@ _HISTORY = re.compile(
     r"|\[\s*\{\s*\"(?:startTime|endTime|timelinePath|visit|activity|timelineMemory)\"\s*:)"
 )
 
+#: What follows the name of a list without entries.
+_NO_ENTRY = re.compile(r"\s*\[\s*\]")
+
 #: The start of a trace: its address comes first; ~ marks one that is no address of ICAO.
 _TRACE = re.compile(r'[\s\ufeff]*\{\s*"icao"\s*:\s*"~?[0-9A-Fa-f]{6}"')
 
@@ -61,16 +64,24 @@ def sniff_google_paths(_head: bytes) -> bool:
     return False
 
 
-def history_list(head: bytes) -> str:
-    """Return the name of the list with which a history begins; empty for a list without a name.
+def history_list(head: bytes) -> str | None:
+    """Return the name of the list with which a history begins.
+
+    Returns
+    -------
+    str or None
+        Empty for a list without a name; None for a list without entries, and if it is no history.
 
     Examples
     --------
-    >>> history_list(b'{"locations": [{"latitudeE7": 480000000')
-    'locations'
+    >>> history_list(b'{"locations": [{"latitudeE7": 480000000'), history_list(b'{"locations": []}')
+    ('locations', None)
     """
-    start = _HISTORY.match(_first_letters(head))
-    return "" if start is None else start[1] or ""
+    text = _first_letters(head)
+    start = _HISTORY.match(text)
+    if start is None or _NO_ENTRY.match(text, start.end()):
+        return None
+    return start[1] or ""
 
 
 def sniff_readsb(head: bytes) -> bool:
