@@ -2,9 +2,9 @@
 
 import gzip
 import io
-import json
 import os
 import re
+from pathlib import Path
 
 import pytest
 
@@ -81,16 +81,16 @@ def test_an_export_is_read_completely(tmp_path, kind, form):
 
 
 @pytest.mark.parametrize("more", ["", "--memory 1GiB", "--dry-run"])
-def test_the_command_says_what_it_left_out(shell, tmp_path, more):
+def test_the_command_says_what_it_left_out(gpszip, tmp_path, more):
     write("strava", "zip", tmp_path)
-    run = shell(f"compress strava.zip -o me.gpsz --effort 1 --json {more}")
-    assert run.returncode == 0, run.stderr
-    summary = json.loads(run.stdout)
+    run = gpszip(f"compress strava.zip -o me.gpsz --effort 1 --json {more}")
+    assert run.code == 0, run.err
+    summary = run.json
     [others] = summary["other_files"]
     assert others["kinds"] == {".csv": 5, ".jpg": 2, ".json": 1, ".tcx": 1}
     assert (summary["tracks"], summary["points"]) == (4, 4 * N)
-    run = shell(f"compress strava.zip -o again.gpsz --effort 1 {more}")
-    assert b"gpszip: strava.zip: left out 9 files without positions: 5 .csv, 2 .jpg" in run.stderr
+    run = gpszip(f"compress strava.zip -o again.gpsz --effort 1 {more}")
+    assert "gpszip: strava.zip: left out 9 files without positions: 5 .csv, 2 .jpg" in run.err
 
 
 def test_paths_of_a_history_are_read_if_asked_for(tmp_path):
@@ -99,6 +99,61 @@ def test_paths_of_a_history_are_read_if_asked_for(tmp_path):
         assert [track.id for track in result.tracks] == ["2021_MAY"]
         assert result.complete
         assert "2 files of positions instead of paths: 2 .json" in map(str, result.other_files)
+
+
+def split_takeout():
+    """The two archives of an export whose second one has what devices measured."""
+    files = exports.takeout()
+    second = {name: data for name, data in files.items() if name.endswith("Records.json")}
+    first = {name: data for name, data in files.items() if name not in second}
+    return exports.zipped(first), exports.zipped(second)
+
+
+def test_a_takeout_in_several_archives_is_read_as_one(tmp_path):
+    (tmp_path / "parts").mkdir()
+    names = [str(tmp_path / f"parts/takeout-20240504T080000Z-00{i}.zip") for i in (1, 2)]
+    for name, data in zip(names, split_takeout(), strict=True):
+        Path(name).write_bytes(data)
+    pattern = str(tmp_path / "parts/takeout-*.zip")
+    for sources in (str(tmp_path / "parts"), names, pattern, [pattern]):
+        result = read_logs(sources)
+        assert {track.id: len(track) for track in result.tracks} == {"5": 2 * N}, sources
+        assert result.complete
+        assert "2 files of the same history" in " ".join(map(str, result.other_files))
+
+
+def test_records_in_a_folder_that_comes_later_are_preferred(tmp_path):
+    files = exports.takeout()
+    records = next(name for name in files if name.endswith("Records.json"))
+    exports.unpacked({"b/Records.json": files.pop(records), **files}, tmp_path / "logs")
+    assert [track.id for track in read_logs(str(tmp_path / "logs")).tracks] == ["5"]
+
+
+def test_what_devices_measured_is_never_left_out_in_silence(tmp_path):
+    """Renamed, it doesn't come first: then it is named as a loss."""
+    files = exports.takeout()
+    records = next(name for name in files if name.endswith("Records.json"))
+    months = next(name for name in files if name.endswith("2021_MAY.json"))
+    renamed = {"a.json": files[months], "b.json": files[records]}
+    exports.unpacked(renamed, tmp_path / "logs")
+    result = read_logs(str(tmp_path / "logs"))
+    assert [track.id for track in result.tracks] == ["a"]
+    assert not result.complete
+    [left] = result.left_out
+    assert left.name == str(tmp_path / "logs/b.json")
+    assert "comes after a.json, which has paths of the same history" in left.reason
+
+
+def test_an_empty_list_does_not_stand_for_the_history(tmp_path):
+    files = exports.takeout()
+    files = {name: data for name, data in files.items() if not name.endswith("Edits.json")}
+    files = {
+        name: b'{"locations": []}' if name.endswith("Records.json") else data
+        for name, data in files.items()
+    }
+    exports.unpacked(files, tmp_path / "logs")
+    result = read_logs(str(tmp_path / "logs"))
+    assert [track.id for track in result.tracks] == ["2021_MAY"]
 
 
 def test_months_are_read_where_there_are_no_records(tmp_path):
@@ -140,7 +195,7 @@ def test_large_files_of_other_kinds_are_not_read(tmp_path):
     assert [str(each) for each in result.other_files] == ["1 file without positions: 1 .mp4"]
 
 
-def test_many_repairs_of_one_kind_are_one_line(shell, tmp_path):
+def test_many_repairs_of_one_kind_are_one_line(gpszip, tmp_path):
     time = round(exports.START.timestamp())
     for day in range(8):
         record = fit.record(time + day * 86400 - 5)
@@ -149,9 +204,9 @@ def test_many_repairs_of_one_kind_are_one_line(shell, tmp_path):
         ]
         (tmp_path / "rides").mkdir(exist_ok=True)
         (tmp_path / f"rides/{day}.fit").write_bytes(fit.fit(fit.file_id(), record, *records))
-    run = shell("compress rides -o me.gpsz --effort 1")
-    assert run.returncode == 0, run.stderr
-    assert re.search(rb"rides/0\.fit.* and 7 more: 8 .* dropped", run.stderr), run.stderr
+    run = gpszip("compress rides -o me.gpsz --effort 1")
+    assert run.code == 0, run.err
+    assert re.search(r"rides/0\.fit.* and 7 more: 8 .* dropped", run.err), run.err
 
 
 def test_archives_in_archives_have_a_limit(tmp_path):
@@ -183,7 +238,7 @@ def test_links_pipes_and_hidden_files_of_folders(tmp_path):
     (logs / "loop").symlink_to(logs, target_is_directory=True)
     (logs / "same.gpx").symlink_to(logs / "2021-05/04.gpx")
     (logs / "nowhere.gpx").symlink_to(logs / "none.gpx")
-    os.mkfifo(logs / "pipe")
+    os.mkfifo(logs / "pipe.zip")
     for name in (".git/a.gpx", "__MACOSX/a.gpx", ".hidden.gpx"):
         exports.unpacked({name: exports.gpx(7, "hidden")}, logs)
     result = read_logs(str(logs))
@@ -192,7 +247,7 @@ def test_links_pipes_and_hidden_files_of_folders(tmp_path):
         (str(logs / "nowhere.gpx"), "no such file")
     ]
     assert {str(each) for each in result.other_files} == {
-        "1 file without positions: 1 without a suffix",
+        "1 file without positions: 1 .zip",
         "1 file with the same bytes as another one: 1 .gpx",
     }
 

@@ -1,7 +1,6 @@
 """NMEA, FIT and location histories, from the file to an archive and back."""
 
 import csv
-import json
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -31,19 +30,19 @@ LOGS = {
 
 
 @pytest.mark.parametrize("name", LOGS)
-def test_a_log_comes_back_within_its_bound(shell, tmp_path, name):
+def test_a_log_comes_back_within_its_bound(gpszip, tmp_path, name):
     if name.endswith(".fit"):
         pytest.importorskip("fitdecode")
     (tmp_path / name).write_bytes(LOGS[name]())
-    compressed = shell(f"compress {name} -o a.gpsz --max-error 5m --effort 1 --json")
-    assert compressed.returncode == 0, compressed.stderr
-    summary = json.loads(compressed.stdout)
+    compressed = gpszip(f"compress {name} -o a.gpsz --max-error 5m --effort 1 --json")
+    assert compressed.code == 0, compressed.err
+    summary = compressed.json
     assert (summary["points"], summary["points_lost"]) == (100, 0)
 
     # Positions at the times of the log.
     (tmp_path / "times.txt").write_text("".join(f"{row[0].timestamp()}\n" for row in ROWS))
-    sampled = shell("decompress a.gpsz -o samples.csv --at times.txt")
-    assert sampled.returncode == 0, sampled.stderr
+    sampled = gpszip("decompress a.gpsz -o samples.csv --at times.txt")
+    assert sampled.code == 0, sampled.err
     rows = list(csv.DictReader((tmp_path / "samples.csv").read_text().splitlines()))
     assert len(rows) == 100
     for row, (time, lat, lon, _) in zip(rows, ROWS, strict=True):
@@ -53,18 +52,18 @@ def test_a_log_comes_back_within_its_bound(shell, tmp_path, name):
         assert (north**2 + east**2) ** 0.5 < 5.2
 
 
-def test_a_history_with_positions_and_paths_says_what_it_leaves_out(shell, tmp_path):
+def test_a_history_with_positions_and_paths_says_what_it_leaves_out(gpszip, tmp_path):
     history = google.encode(google.android(ROWS, ROWS[:50]))
     (tmp_path / "Timeline.json").write_bytes(history)
-    run = shell("compress Timeline.json -o a.gpsz --max-error 5m --effort 1")
-    assert run.returncode == 3
-    assert b"left out Timeline.json: 100 points of paths" in run.stderr
-    run = shell("compress Timeline.json -o b.gpsz --max-error 5m --effort 1 --format google-paths")
-    assert run.returncode == 3
-    assert b"left out Timeline.json: 50 positions of devices" in run.stderr
+    run = gpszip("compress Timeline.json -o a.gpsz --max-error 5m --effort 1")
+    assert run.code == 3
+    assert "left out Timeline.json: 100 points of paths" in run.err
+    run = gpszip("compress Timeline.json -o b.gpsz --max-error 5m --effort 1 --format google-paths")
+    assert run.code == 3
+    assert "left out Timeline.json: 50 positions of devices" in run.err
 
 
-def test_formats_lists_them(shell):
-    listed = shell("formats").stdout.decode()
+def test_formats_lists_them(gpszip):
+    listed = gpszip("formats").out
     assert "gpszip[fit]" in next(line for line in listed.splitlines() if " fit " in line)
     assert all(f"\n  {name} " in listed for name in ("google", "google-paths", "fit", "nmea"))

@@ -271,3 +271,16 @@ def test_errors_list_the_formats_of_the_table():
         format_named("xyz")
     with pytest.raises(OutputError, match=re.escape(f"one of {WRITTEN_SUFFIXES}")):
         format_for_writing("walk.xyz")
+
+
+def test_recognising_a_table_imports_no_reader():
+    script = (
+        "import sys\nfrom gpszip.io.logs.formats import LOG_FORMATS\n"
+        "asked = [f for f in LOG_FORMATS if not f.is_fallback]\n"
+        "found = [f.name for f in asked if f.sniff(b't,x,y\\n0,1,2\\n')]\n"
+        "print(found, [name for name in ('pyarrow', 'pandas', 'numba') if name in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "[] []\n"

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 from gpszip.errors import InputError
-from gpszip.io.logs.geojson.read import read_geojson, sniff_geojson
+from gpszip.io.logs.geojson.read import read_geojson
 from gpszip.io.logs.raw import Request, UnreadableCell
 from gpszip.io.logs.read import read_logs
+from gpszip.io.logs.sniff.json import sniff_geojson
 from gpszip.io.storage.source import Source
 
 

@@ -105,8 +105,9 @@ def test_devices_are_tracks():
     assert raw(g.android(ROWS)).ids == ()
 
 
-def test_the_first_list_decides_whether_devices_are_tracks():
-    signals = g.signals(ROWS) * 6000
+def test_the_first_list_decides_whether_devices_are_tracks(monkeypatch):
+    monkeypatch.setattr("gpszip.io.logs.google.read._BATCH_ROWS", 20)
+    signals = g.signals(ROWS) * 2
     assert raw({"rawSignals": signals, **g.records(ROWS)}).ids == ()
     assert raw({**g.records(ROWS), "rawSignals": signals}).ids == ("7", "history")
 
@@ -213,19 +214,18 @@ def test_accuracy_altitude_speed_and_heading_can_be_kept():
 # Large files
 
 
-def test_a_history_is_the_same_in_batches(tmp_path):
+def test_a_history_is_the_same_in_batches(tmp_path, monkeypatch):
+    monkeypatch.setattr("gpszip.io.logs.google.read._BATCH_ROWS", 1000)
     # More positions than are turned into columns together; the second device appears late.
-    rows = [
-        (START + timedelta(seconds=i), 48 + i / 1e6, 11, 7 + (i > 80_000)) for i in range(100_000)
-    ]
+    rows = [(START + timedelta(seconds=i), 48 + i / 1e6, 11, 7 + (i > 1200)) for i in range(1500)]
     history = json.dumps(g.records(rows))
     opened = read_google_batches(Source("a.json", data=history.encode()), Request())
-    assert [len(batch.times) for batch in opened.batches] == [65_536, 34_464, 0]
+    assert [len(batch.times) for batch in opened.batches] == [1000, 500, 0]
 
     (tmp_path / "Records.json").write_text(history)
     whole = read_logs(tmp_path / "Records.json", keep=("accuracy",))
-    assert [len(track) for track in whole.tracks] == [80_001, 19_999]
-    with store_logs(tmp_path / "Records.json", rows=5000, keep=("accuracy",)) as log:
+    assert [len(track) for track in whole.tracks] == [1201, 299]
+    with store_logs(tmp_path / "Records.json", rows=1000, keep=("accuracy",)) as log:
         for stored, track in zip(log.tracks, whole.tracks, strict=True):
             np.testing.assert_array_equal(log.read(stored).times, track.times)
         assert log.read_result.repairs == whole.repairs

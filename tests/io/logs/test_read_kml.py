@@ -422,6 +422,20 @@ def test_times_and_positions_are_paired_as_one_by_one(order):
     [
         (data(placemark(WALK))[:-40], "damaged KML: the file ends within"),
         (
+            data(placemark(WALK)).partition(b"</gx:coord>")[0],
+            "the file ends within <gx:Track>, after 0 points; fetch it again, or end it with "
+            "</gx:Track></Placemark>",
+        ),
+        (
+            b"<kml><Placemark><LineString><coordinates>11,48 12,4",
+            "or end it with </coordinates></LineString></Placemark></kml> after the last complete",
+        ),
+        (
+            b"<kml><Folder><Placemark><TimeStamp><when>2024-05-04T0",
+            "the file ends within <Folder>, after 0 points; fetch it again, or end it with "
+            "</Folder></kml>",
+        ),
+        (
             data(head=HEAD.replace("<kml", "<!DOCTYPE kml [<!ENTITY a 'b'>]><kml")),
             "line 2: has a document type (<!DOCTYPE), which no KML file needs; remove it",
         ),

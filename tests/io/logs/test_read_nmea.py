@@ -74,7 +74,7 @@ def lines_of(epochs):
             yield before, zda(time, talker)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.lists(_EPOCH, min_size=1, max_size=30))
 def test_positions_and_times_are_those_of_a_plain_reader(epochs):
     epochs = [(1.0, 48.0, 11.0, {"RMC"}, "GP", "A", ""), *epochs]
@@ -247,19 +247,21 @@ def test_bytes_of_other_protocols_between_sentences_are_passed_over():
     assert len(read_nmea(source, Request()).times) == 5
 
 
-def test_a_log_is_the_same_in_batches(tmp_path):
-    # Longer than the bytes that are read at a time, with the first date in the second part.
+def test_a_log_is_the_same_in_batches(tmp_path, monkeypatch):
+    # Longer than the bytes that are read at a time, with the first date in the last part.
+    monkeypatch.setattr("gpszip.io.logs.nmea.sentences._CHUNK_BYTES", 1 << 16)
+    count = 3000
     lines = []
-    for i in range(30_000):
+    for i in range(count):
         time, lat = seconds(i * 4), 48 + i / 1e5
         lines += [GSV, gga(time, lat, 11)]
-        lines += [rmc(time, lat, 11)] if i > 25_000 else []
+        lines += [rmc(time, lat, 11)] if i > 2500 else []
     stream = data(*lines)
-    assert len(stream) > 4 << 20
+    assert len(stream) > 5 << 16
     (tmp_path / "log.nmea").write_bytes(stream)
     (track,) = read_logs(tmp_path / "log.nmea", keep=("alt", "speed")).tracks
-    np.testing.assert_array_equal(track.times, START.timestamp() + np.arange(30_000) * 4.0)
-    with store_logs(tmp_path / "log.nmea", rows=5000, keep=("alt", "speed")) as log:
+    np.testing.assert_array_equal(track.times, START.timestamp() + np.arange(count) * 4.0)
+    with store_logs(tmp_path / "log.nmea", rows=1000, keep=("alt", "speed")) as log:
         (only,) = log.tracks
         stored = log.read(only)
         np.testing.assert_array_equal(stored.times, track.times)
@@ -267,8 +269,9 @@ def test_a_log_is_the_same_in_batches(tmp_path):
         assert log.read_result.repairs == read_logs(tmp_path / "log.nmea").repairs
 
 
-def test_batches_number_their_points(tmp_path):
-    stream = data(*(rmc(seconds(i), 48, 11) for i in range(60_000)))
+def test_batches_number_their_points(monkeypatch):
+    monkeypatch.setattr("gpszip.io.logs.nmea.sentences._CHUNK_BYTES", 1 << 12)
+    stream = data(*(rmc(seconds(i), 48, 11) for i in range(200)))
     opened = read_nmea_batches(Source("a", data=stream), Request())
     assert isinstance(opened, LogBatches)
     batches = list(opened.batches)

@@ -99,17 +99,17 @@ def write(kind, tracks):
 
 
 @pytest.mark.parametrize("kind", [Gpx(), Tcx(), Kml()], ids=lambda kind: kind.name)
-@pytest.mark.parametrize("keep", [(), ("hr",)], ids=["", "kept"])
-def test_batches_are_the_log_that_is_read_at_once(kind, keep, monkeypatch):
+def test_batches_are_the_log_that_is_read_at_once(kind, monkeypatch):
     for module in ("xml.point_collector", "kml.collector"):
         monkeypatch.setattr(f"gpszip.io.logs.{module}.BATCH_POINTS", 3)
-    log_format, request = format_named(kind.name), Request(keep=keep)
+    log_format = format_named(kind.name)
 
     @settings(
-        max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+        max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
     )
-    @given(TRACKS)
-    def check(tracks):
+    @given(TRACKS, st.sampled_from([(), ("hr",)]))
+    def check(tracks, keep):
+        request = Request(keep=keep)
         source = Source("walk.xml", data=write(kind, tracks))
         try:
             whole = log_format.read(source, request)

@@ -115,7 +115,7 @@ def test_unusual_json_is_read(text, value):
             "{" + ",".join(f'"{i}":{i}' for i in range(10_001)) + "}",
             "an object with more than 10,000 members",
         ),
-        (b'{"a": "\xe4"}', "no UTF-8 after character 0; bring it to UTF-8: iconv"),
+        (b'{"a": "\xe4"}', "no UTF-8 after character 7; bring it to UTF-8: iconv"),
         ('{"a": 1}'.encode("utf-16")[:-1], "no UTF-16"),
     ],
 )

@@ -6,7 +6,6 @@ the dates of Danish files begin with the day.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
@@ -17,14 +16,10 @@ from gpszip.io.logs.csv import read_csv
 from gpszip.io.logs.csv_batches import read_csv_batches
 from gpszip.io.logs.log_format import LogBatches
 from gpszip.io.logs.raw import RawLog, Request, UnreadableCell
-from gpszip.io.logs.text_lines import decode_head
+from gpszip.io.logs.sniff.text import AIS_SHIP, column_names, plain_name
 from gpszip.io.storage.source import Source
 
-__all__ = ["read_ais", "read_ais_batches", "sniff_ais"]
-
-#: Columns of the header of such a table, without case and marks: the ship, and one of the others.
-_SHIP = "mmsi"
-_OTHERS = frozenset({"sog", "cog", "typeofmobile", "basedatetime", "navigationalstatus"})
+__all__ = ["read_ais", "read_ais_batches"]
 
 #: A column that only Danish files have.
 _DANISH = "typeofmobile"
@@ -35,29 +30,6 @@ _NO_POSITION = (91.0, 181.0)
 #: Smallest numbers that stand for no value, by the names of their columns without case and marks:
 #: degrees, and knots.
 _NO_VALUE = {"heading": 511.0, "trueheading": 511.0, "cog": 360.0, "sog": 102.3}
-
-
-def sniff_ais(head: bytes) -> bool:
-    r"""Whether a file that starts like this is a table of AIS.
-
-    Examples
-    --------
-    >>> sniff_ais(b"MMSI,BaseDateTime,LAT,LON,SOG\n1,2,3,4,5"), sniff_ais(b"mmsi,t,lat,lon\n")
-    (True, False)
-    """
-    names = _header(head)
-    return _SHIP in names and not _OTHERS.isdisjoint(names)
-
-
-def _header(head: bytes) -> dict[str, str]:
-    """Return the names of the columns by the names without case and marks."""
-    line = decode_head(head).lstrip().split("\n", 1)[0]
-    names = [name.strip('\r "#') for name in re.split("[,;\t]", line)]
-    return {_plain(name): name.strip() for name in names}
-
-
-def _plain(name: str) -> str:
-    return re.sub("[^a-z]", "", name.lower())
 
 
 def read_ais(source: Source, request: Request) -> RawLog:
@@ -104,10 +76,10 @@ def read_ais_batches(source: Source, request: Request) -> LogBatches:
 
 def _of_ships(source: Source, request: Request) -> Request:
     """Return the request with what is known of these files; the user overrules it."""
-    names = _header(source.head())
-    if isinstance(request.columns, tuple) or _SHIP not in names:
+    names = column_names(source.head())
+    if isinstance(request.columns, tuple) or AIS_SHIP not in names:
         return request
-    columns: Mapping[str, str] = {"id": names[_SHIP], **(request.columns or {})}
+    columns: Mapping[str, str] = {"id": names[AIS_SHIP], **(request.columns or {})}
     is_danish = _DANISH in names and request.dates is None
     return replace(request, columns=columns, dates="dmy" if is_danish else request.dates)
 
@@ -133,7 +105,7 @@ def _without_fillers(log: RawLog) -> RawLog:
 
 
 def _clean(name: str, values: NDArray[np.generic]) -> NDArray[np.generic]:
-    least = _NO_VALUE.get(_plain(name))
+    least = _NO_VALUE.get(plain_name(name))
     if least is None or values.dtype.kind not in "iuf":
         return values
     numbers = values.astype(np.float64)

@@ -6,7 +6,6 @@ since the log began. Scans carry the pose of the robot, which mapping programs c
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -18,11 +17,11 @@ from numpy.typing import NDArray
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.point_batches import Findings, PointBatch, open_points, read_points
 from gpszip.io.logs.raw import RawLog, Request
-from gpszip.io.logs.text_lines import decode_head, read_lines
+from gpszip.io.logs.text_lines import read_lines
 from gpszip.io.storage.source import Source
 from gpszip.io.values.arrow import to_floats
 
-__all__ = ["read_carmen", "read_carmen_batches", "sniff_carmen"]
+__all__ = ["read_carmen", "read_carmen_batches"]
 
 
 class _Message(NamedTuple):
@@ -53,11 +52,6 @@ _MESSAGES = (
     _Message("ODOM", 9, 0, 0),
 )
 
-#: Messages that such a log has among its first lines.
-_SNIFFED = re.compile(
-    r"^(?:FLASER \d+ [-\d.]|ROBOTLASER1 \d+ [-\d.]|ODOM (?:[-\d.e]+ ){6})", re.MULTILINE
-)
-
 #: Words at the end of a message: its time, the computer, the time since the log began.
 _TIME, _HOST = -3, -2
 
@@ -74,17 +68,6 @@ _DECIMALS = 6
 _MAX_SHOWN_LETTERS = 40
 
 Floats = NDArray[np.float64]
-
-
-def sniff_carmen(head: bytes) -> bool:
-    r"""Whether a file that starts like this is a log of CARMEN.
-
-    Examples
-    --------
-    >>> sniff_carmen(b"# robot\nODOM 0.1 0.2 0.3 0 0 0 9.5 host 9.5"), sniff_carmen(b"t,x,y")
-    (True, False)
-    """
-    return _SNIFFED.search(decode_head(head).replace("\r", "\n")) is not None
 
 
 def read_carmen(source: Source, request: Request) -> RawLog:

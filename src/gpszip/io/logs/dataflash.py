@@ -19,21 +19,20 @@ from numpy.typing import NDArray
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.point_batches import Findings, PointBatch, open_points, read_points
 from gpszip.io.logs.raw import RawLog, Request
-from gpszip.io.logs.text_lines import decode_head, read_lines
+from gpszip.io.logs.sniff.binary import DATAFLASH_FMT, DATAFLASH_SYNC, is_binary_dataflash
+from gpszip.io.logs.sniff.text import decode_head
+from gpszip.io.logs.text_lines import read_lines
 from gpszip.io.storage.expansion import read_chunk
 from gpszip.io.storage.source import Source
 from gpszip.io.values.arrow import to_floats
 
-__all__ = ["read_dataflash", "read_dataflash_batches", "sniff_dataflash"]
-
-#: First bytes of a message; its kind follows.
-_SYNC = b"\xa3\x95"
+__all__ = ["read_dataflash", "read_dataflash_batches"]
 
 #: Bytes before the fields of a message.
 _HEADER = 3
 
-#: The kind of messages that describe others, and their bytes.
-_FMT, _FMT_BYTES = 128, 89
+#: Bytes of a message that describes others.
+_FMT_BYTES = 89
 
 #: Bytes that are read at a time.
 _CHUNK_BYTES = 1 << 22
@@ -43,9 +42,6 @@ _NAMES = ("GPS", "GPS2")
 
 #: Receivers of a vehicle, at most; more are damage.
 _MAX_RECEIVERS = 16
-
-#: A line of a text that describes messages.
-_TEXT = re.compile(r"^FMT, ?\d+, ?\d+, ?\w+, ?\w", re.MULTILINE)
 
 #: A description in a text: kind, bytes, name, types and names of the fields.
 _TEXT_FMT = re.compile(r"^FMT,\s*\d+,\s*\d+,\s*(GPS2?),\s*(\w+),\s*([\w,\s]+)$", re.MULTILINE)
@@ -120,23 +116,6 @@ _TIME_DECIMALS = 3
 Floats = NDArray[np.float64]
 
 
-def sniff_dataflash(head: bytes) -> bool:
-    r"""Whether a file that starts like this is a log of ArduPilot, binary or as text.
-
-    Examples
-    --------
-    >>> sniff_dataflash(b"\xa3\x95\x80\x80\x59FMT\x00"), sniff_dataflash(b"FMT, 128, 89, FMT, BBn")
-    (True, True)
-    >>> sniff_dataflash(b"t,x,y")
-    False
-    """
-    return _is_binary(head) or _TEXT.search(decode_head(head)) is not None
-
-
-def _is_binary(head: bytes) -> bool:
-    return head.startswith(_SYNC + bytes([_FMT]))
-
-
 def read_dataflash(source: Source, request: Request) -> RawLog:
     r"""Read the positions of a log of ArduPilot.
 
@@ -178,7 +157,7 @@ def read_dataflash_batches(source: Source, request: Request) -> LogBatches:
 def _parse(source: Source, _request: Request, findings: Findings) -> Iterator[PointBatch]:
     findings.empty = "no position with a fix in this log of ArduPilot"
     findings.remedy = "choose a log of a flight with GPS"
-    is_binary = _is_binary(source.head())
+    is_binary = is_binary_dataflash(source.head())
     tables = _binary_tables(source, findings) if is_binary else _text_tables(source, findings)
     for name, columns in tables:
         yield _batch(name, columns, source.stem, findings)
@@ -267,7 +246,7 @@ class _Walker:
     """
 
     layouts: dict[int, _Layout] = field(
-        default_factory=lambda: {_FMT: _Layout("FMT", _FMT_BYTES, "", [])}
+        default_factory=lambda: {DATAFLASH_FMT: _Layout("FMT", _FMT_BYTES, "", [])}
     )
     bodies: dict[int, bytearray] = field(default_factory=dict)
     skipped: int = 0
@@ -277,8 +256,8 @@ class _Walker:
         position = 0
         while True:
             # Pass over what is no message.
-            if data[position : position + 2] != _SYNC:
-                start = data.find(_SYNC, position)
+            if data[position : position + 2] != DATAFLASH_SYNC:
+                start = data.find(DATAFLASH_SYNC, position)
                 start = start if start >= 0 else max(position, len(data) - 1)
                 self.skipped += start - position
                 position = start

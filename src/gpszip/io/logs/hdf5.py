@@ -23,10 +23,7 @@ from gpszip.io.storage.expansion import CHECKED_BYTES, MAX_EXPANSION
 from gpszip.io.storage.source import Source
 from gpszip.io.tables.roles import find_roles
 
-__all__ = ["read_hdf5", "read_hdf5_batches", "sniff_hdf5"]
-
-#: First bytes of a file.
-_MAGIC = b"\x89HDF\r\n\x1a\n"
+__all__ = ["read_hdf5", "read_hdf5_batches"]
 
 #: Datasets of a file, at most.
 _MAX_DATASETS = 10_000
@@ -58,17 +55,6 @@ _MAX_SHOWN_GROUPS = 5
 
 #: Letters of a reason that messages show.
 _MAX_REASON_LETTERS = 120
-
-
-def sniff_hdf5(head: bytes) -> bool:
-    r"""Whether a file that starts like this is HDF5.
-
-    Examples
-    --------
-    >>> sniff_hdf5(b"\x89HDF\r\n\x1a\n\0"), sniff_hdf5(b"t,x,y")
-    (True, False)
-    """
-    return head.startswith(_MAGIC)
 
 
 def read_hdf5(source: Source, request: Request) -> RawLog:

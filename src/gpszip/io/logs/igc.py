@@ -20,21 +20,15 @@ from gpszip.errors import InputError
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.point_batches import Findings, PointBatch, open_points, read_points
 from gpszip.io.logs.raw import RawLog, Request
-from gpszip.io.logs.text_lines import decode_head, read_lines
+from gpszip.io.logs.sniff.text import IGC_FIX, decode_head
+from gpszip.io.logs.text_lines import read_lines
 from gpszip.io.storage.source import Source
 from gpszip.io.values.arrow import to_floats
 
-__all__ = ["read_igc", "read_igc_batches", "sniff_igc"]
-
-#: A fix: time, latitude, longitude, validity. Altitudes follow.
-_FIX = r"^B\d{6}\d{7}[NS]\d{8}[EW][AV]"
+__all__ = ["read_igc", "read_igc_batches"]
 
 #: A date: HFDTE160701 or HFDTEDATE:160701,01; O and P stand for other sources.
 _DATE = re.compile(r"^H[FOP]DTE(?:DATE)?:?\s*(\d\d)(\d\d)(\d\d)")
-
-#: What shows the format besides a fix: the code of the maker at the start, or a date.
-_MAKER = re.compile(r"\s*A[A-Z0-9]{3}")
-_DATES = ("HFDTE", "HODTE", "HPDTE")
 
 #: Columns of a fix, from 0.
 _COLUMNS = {
@@ -73,22 +67,6 @@ _NAMES = {"trt": "course", "hdt": "heading"}
 _MAX_SHOWN_LETTERS = 40
 
 Floats = NDArray[np.float64]
-
-
-def sniff_igc(head: bytes) -> bool:
-    r"""Whether a file that starts like this is IGC.
-
-    Examples
-    --------
-    >>> sniff_igc(b"AXXX\nHFDTE160701\nB1602405407121N00249342WA0028000421")
-    True
-    >>> sniff_igc(b"name,B1602405407121N00249342WA0028000421")
-    False
-    """
-    text = decode_head(head)
-    if not _MAKER.match(text) and not any(word in text for word in _DATES):
-        return False
-    return re.search(_FIX, text.replace("\r", "\n"), re.MULTILINE) is not None
 
 
 def read_igc(source: Source, request: Request) -> RawLog:
@@ -137,7 +115,7 @@ def _parse(source: Source, _request: Request, findings: Findings) -> Iterator[Po
     calendar = _Calendar(_first_date(source), findings)
     extensions = _extensions(source)
     for lines in read_lines(source):
-        is_fix = pc.match_substring_regex(lines, _FIX)
+        is_fix = pc.match_substring_regex(lines, IGC_FIX)
         broken = lines.filter(pc.and_(pc.starts_with(lines, "B"), pc.invert(is_fix)))
         shown = broken[0].as_py()[:_MAX_SHOWN_LETTERS] if len(broken) else ""
         findings.count("fixes that can't be read dropped", len(broken), drops=True, value=shown)

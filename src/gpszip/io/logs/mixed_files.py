@@ -6,10 +6,11 @@ that users name themselves are always read.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 
-from gpszip.errors import UnknownFormatError
+from gpszip.errors import InputError, UnknownFormatError
 from gpszip.io.logs.formats import (
     GOOGLE,
     GOOGLE_PATHS,
@@ -17,8 +18,9 @@ from gpszip.io.logs.formats import (
     format_named,
     log_formats,
 )
-from gpszip.io.logs.google.read import history_list
+from gpszip.io.logs.google.entries import RAW_LISTS
 from gpszip.io.logs.log_format import LogFormat
+from gpszip.io.logs.sniff.json import history_list
 from gpszip.io.storage.source import Source
 
 __all__ = ["ReadFiles", "choose_format", "may_be_log"]
@@ -27,6 +29,9 @@ __all__ = ["ReadFiles", "choose_format", "may_be_log"]
 _REPEATED = "with the same bytes as another one"
 _SAME_HISTORY = "of the same history as {name} (--format google-paths reads its paths)"
 _NO_PATHS = "of positions instead of paths"
+
+#: Name of a part of an archive of Takeout: the time of the export, and numbers.
+_PART = re.compile(r"(takeout-\d{8}T\d{6}Z)(?:-\d+)*\.zip", re.IGNORECASE)
 
 #: Lists of histories with what devices measured, in files without paths.
 _MEASURED = ("locations", "timelineEdits")
@@ -88,14 +93,20 @@ class ReadFiles:
     digests : set of bytes
         Of these files.
     histories : dict
-        The first file with a history of Google of each collection: its list, and its name.
+        The first file with a history of Google of each export: its list, and its name.
     """
 
     digests: set[bytes] = field(default_factory=set)
     histories: dict[str, tuple[str, str]] = field(default_factory=dict)
 
     def why_not(self, source: Source, format_: LogFormat) -> str:
-        """Return why a file is left out because of those before it; empty if it is read."""
+        """Return why a file is left out because of those before it; empty if it is read.
+
+        Raises
+        ------
+        InputError
+            If it has what devices measured, and paths of the same history were read before.
+        """
         # A folder is read by one file, which says little about the others.
         if not source.collection or source.folder is not None:
             return ""
@@ -109,8 +120,32 @@ class ReadFiles:
         """Return why a history is left out: exports hold the same positions in several lists."""
         if format_ not in (GOOGLE, GOOGLE_PATHS):
             return ""
+        # A list without entries says nothing of the others.
         found = history_list(source.head())
+        if found is None:
+            return ""
         if format_ is GOOGLE_PATHS and found in _MEASURED:
             return _NO_PATHS
-        chosen, name = self.histories.setdefault(source.collection, (found, source.name))
-        return "" if chosen == found else _SAME_HISTORY.format(name=PurePosixPath(name).name)
+
+        # The first list that is met is read.
+        export = _export_of(source.collection)
+        chosen, name = self.histories.setdefault(export, (found, source.name))
+        if chosen == found:
+            return ""
+        first = PurePosixPath(name).name
+
+        # Paths say less than what they were made of, so this is a loss.
+        if format_ is GOOGLE and found in RAW_LISTS and chosen not in RAW_LISTS:
+            raise InputError(
+                f"has what devices measured, but comes after {first}, which has paths of the same "
+                "history",
+                path=source.name,
+                remedy="name it alone, or before the other",
+            )
+        return _SAME_HISTORY.format(name=first)
+
+
+def _export_of(collection: str) -> str:
+    """Return the name of the export that a folder or archive is, or is a part of."""
+    part = _PART.fullmatch(PurePosixPath(collection).name)
+    return collection if part is None else part[1]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import io
 import operator
-import re
 from collections.abc import Iterator
 from math import prod
 from typing import Any
@@ -16,16 +15,11 @@ from numpy.typing import NDArray
 from gpszip.errors import InputError
 from gpszip.io.logs.arrays import Column, columns_of, read_arrays
 from gpszip.io.logs.raw import RawLog, Request
+from gpszip.io.logs.sniff.binary import NUMPY_MAGIC
 from gpszip.io.storage.source import Source
 from gpszip.io.storage.zip_files import find_members
 
-__all__ = ["read_npz", "sniff_npz"]
-
-#: First bytes of an array.
-_ARRAY = b"\x93NUMPY"
-
-#: The first member of an archive of arrays: its header, and its name.
-_ARCHIVE = re.compile(rb"PK\x03\x04(?s:.{22})(..)(..)([^\0/]{1,200}?\.npy)", re.DOTALL)
+__all__ = ["read_npz"]
 
 #: Bytes of an array's signature and version.
 _VERSION_BYTES = 8
@@ -35,19 +29,6 @@ _MAX_HEADER_BYTES = 10_000
 
 #: Letters of a reason that messages show.
 _MAX_REASON_LETTERS = 120
-
-
-def sniff_npz(head: bytes) -> bool:
-    r"""Whether a file that starts like this holds arrays of NumPy.
-
-    Examples
-    --------
-    >>> sniff_npz(b"\x93NUMPY\x01\x00"), sniff_npz(b"PK\x03\x04")
-    (True, False)
-    """
-    match = _ARCHIVE.match(head)
-    is_archive = match is not None and int.from_bytes(match[1], "little") == len(match[3])
-    return is_archive or head.startswith(_ARRAY)
 
 
 def read_npz(source: Source, request: Request) -> RawLog:
@@ -92,7 +73,7 @@ def read_npz(source: Source, request: Request) -> RawLog:
 def _arrays(source: Source) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield the arrays of a file with their names."""
     data = source.read()
-    if data.startswith(_ARRAY):
+    if data.startswith(NUMPY_MAGIC):
         yield "", _array(data, "", source.name)
         return
 
@@ -143,7 +124,7 @@ def _header(stream: io.BytesIO) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
 
     NumPy's own reader raises whatever its tokenizer raises, and accepts what Python 2 wrote.
     """
-    major = stream.read(_VERSION_BYTES)[len(_ARRAY) : len(_ARRAY) + 1]
+    major = stream.read(_VERSION_BYTES)[len(NUMPY_MAGIC) : len(NUMPY_MAGIC) + 1]
     size = int.from_bytes(stream.read(2 if major == b"\x01" else 4), "little")
     text = stream.read(min(size, _MAX_HEADER_BYTES)).decode("utf-8", "replace")
     members = ast.literal_eval(text.strip())

@@ -7,7 +7,6 @@ network send positions later, so the time in the message counts.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,13 +16,10 @@ from numpy.typing import NDArray
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.point_batches import Findings, PointBatch, open_points, read_points
 from gpszip.io.logs.raw import RawLog, Request
-from gpszip.io.logs.text_lines import decode_head, read_lines
+from gpszip.io.logs.text_lines import read_lines
 from gpszip.io.storage.source import Source
 
-__all__ = ["read_owntracks", "read_owntracks_batches", "sniff_owntracks"]
-
-#: A line: time of receipt, kind of message, and an object.
-_LINE = re.compile(r"\s*\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\S*\t[^\t]{1,200}\t\s*\{")
+__all__ = ["read_owntracks", "read_owntracks_batches"]
 
 #: Members of a message by attribute, with the factor to metres and m/s.
 _ATTRIBUTES = {
@@ -41,19 +37,6 @@ _DECIMALS = 6
 _MAX_KIND_LETTERS = 30
 
 _NAN = float("nan")
-
-
-def sniff_owntracks(head: bytes) -> bool:
-    r"""Whether a file that starts like this is a log of OwnTracks.
-
-    Examples
-    --------
-    >>> sniff_owntracks(b'2024-05-04T08:00:00Z\t*                 \t{"_type":"location"')
-    True
-    >>> sniff_owntracks(b"2024-05-04T08:00:00Z\t48.1\t11.5")
-    False
-    """
-    return _LINE.match(decode_head(head)) is not None
 
 
 def read_owntracks(source: Source, request: Request) -> RawLog:

@@ -27,18 +27,13 @@ from gpszip.io.tables.given_columns import find_requested_roles, rename_columns
 from gpszip.io.tables.roles import Roles
 from gpszip.io.tables.table import build_raw_log
 
-__all__ = ["read_parquet", "read_parquet_batches", "sniff_parquet", "write_parquet"]
+__all__ = ["read_parquet", "read_parquet_batches", "write_parquet"]
 
 #: Rows of a batch.
 _BATCH_ROWS = 1 << 17
 
 #: Letters of an error message of Arrow that are shown.
 _MAX_REASON_LETTERS = 120
-
-
-def sniff_parquet(head: bytes) -> bool:
-    """Whether a file that starts like this is Parquet."""
-    return head[:4] == b"PAR1"
 
 
 # Reading

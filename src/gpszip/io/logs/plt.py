@@ -6,7 +6,6 @@ feet, and the time as days since 1899-12-30, mostly with a date and a time of da
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -19,14 +18,11 @@ from gpszip.errors import InputError
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.point_batches import Findings, PointBatch, open_points, read_points
 from gpszip.io.logs.raw import RawLog, Request
-from gpszip.io.logs.text_lines import decode_head, read_lines
+from gpszip.io.logs.text_lines import read_lines
 from gpszip.io.storage.source import Source
 from gpszip.io.values.arrow import to_floats
 
-__all__ = ["read_plt", "read_plt_batches", "sniff_plt"]
-
-#: First lines of such files.
-_SNIFFED = re.compile(r"\s*(?:Geolife trajectory|OziExplorer Track Point File)", re.IGNORECASE)
+__all__ = ["read_plt", "read_plt_batches"]
 
 #: Lines before the points.
 _HEADER_LINES = 6
@@ -65,17 +61,6 @@ _METRE_DECIMALS = 4
 _MAX_SHOWN_LETTERS = 40
 
 Floats = NDArray[np.float64]
-
-
-def sniff_plt(head: bytes) -> bool:
-    r"""Whether a file that starts like this is a track file of OziExplorer or GeoLife.
-
-    Examples
-    --------
-    >>> sniff_plt(b"Geolife trajectory\r\nWGS 84\r\n"), sniff_plt(b"t,x,y\n")
-    (True, False)
-    """
-    return _SNIFFED.match(decode_head(head)) is not None
 
 
 def read_plt(source: Source, request: Request) -> RawLog:

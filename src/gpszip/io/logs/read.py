@@ -64,6 +64,7 @@ def parse_options(options: ReadOptions) -> tuple[Request, CleaningOptions]:
     OptionError
         If the columns can't be understood, or options exclude each other.
     """
+    # What is asked of readers. A single name may stand for a list of them.
     keep = options.get("keep", ())
     topics = options.get("topics", ())
     times_file = options.get("times_file")
@@ -81,6 +82,8 @@ def parse_options(options: ReadOptions) -> tuple[Request, CleaningOptions]:
         rate=options.get("rate"),
     )
     _check_robot_options(request)
+
+    # What is asked of cleaning.
     cleaning = CleaningOptions(
         sort=options.get("sort", False),
         split=options.get("split", False),

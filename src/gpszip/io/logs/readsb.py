@@ -6,7 +6,6 @@ times count from its ``timestamp``. Such files are often gzipped under the name 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,15 +17,9 @@ from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.point_batches import Findings, PointBatch, open_points, read_points
 from gpszip.io.logs.raw import RawLog, Request, unused_name
 from gpszip.io.storage.source import Source
-from gpszip.io.values.json_stream import Document, Element, detect_encoding, read_json
+from gpszip.io.values.json_stream import Document, Element, read_json
 
-__all__ = ["read_readsb", "read_readsb_batches", "sniff_readsb"]
-
-#: Letters by which a trace is recognised.
-_SNIFFED_LETTERS = 2000
-
-#: The start of a trace: its address comes first; ~ marks one that is no address of ICAO.
-_START = re.compile(r'[\s\ufeff]*\{\s*"icao"\s*:\s*"~?[0-9A-Fa-f]{6}"')
+__all__ = ["read_readsb", "read_readsb_batches"]
 
 #: Numbers of an entry that are read: time, latitude, longitude, altitude, speed, track, flags,
 #: vertical rate; and the altitude by GPS.
@@ -48,20 +41,6 @@ _DECIMALS = 4
 _TIME_DECIMALS = 3
 
 _NAN = float("nan")
-
-
-def sniff_readsb(head: bytes) -> bool:
-    """Whether a file that starts like this is a trace of readsb.
-
-    Examples
-    --------
-    >>> sniff_readsb(b'{"icao":"3c6444","r":"D-AIBD","timestamp": 1714780800.0,"trace":[')
-    True
-    >>> sniff_readsb(b'{"type":"FeatureCollection"')
-    False
-    """
-    text = head[: 4 * _SNIFFED_LETTERS].decode(detect_encoding(head), "ignore")
-    return _START.match(text[:_SNIFFED_LETTERS]) is not None
 
 
 def read_readsb(source: Source, request: Request) -> RawLog:

@@ -17,15 +17,12 @@ from gpszip.errors import InputError
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.point_batches import Findings, PointBatch, open_points, read_points
 from gpszip.io.logs.raw import RawLog, Request, unused_name
-from gpszip.io.logs.text_lines import decode_head
-from gpszip.io.logs.xml.text import Utf8Transcoder, root_element
+from gpszip.io.logs.sniff.text import decode_head
+from gpszip.io.logs.xml.text import Utf8Transcoder
 from gpszip.io.storage.expansion import read_chunk
 from gpszip.io.storage.source import Source
 
-__all__ = ["read_sumo", "read_sumo_batches", "sniff_sumo"]
-
-#: Name of the root element.
-_ROOT = "fcd-export"
+__all__ = ["read_sumo", "read_sumo_batches"]
 
 #: Elements with a position. Ids are unique among those of one name.
 _KINDS = ("vehicle", "person", "container")
@@ -63,17 +60,6 @@ _LARGEST = {"x": 180.0, "y": 90.0}
 _METRE_DECIMALS = 2
 
 _NAN = float("nan")
-
-
-def sniff_sumo(head: bytes) -> bool:
-    """Whether a file that starts like this is floating car data of SUMO.
-
-    Examples
-    --------
-    >>> sniff_sumo(b"<fcd-export><timestep time='0'>"), sniff_sumo(b"<gpx>")
-    (True, False)
-    """
-    return root_element(head) == _ROOT
 
 
 def read_sumo(source: Source, request: Request) -> RawLog:

@@ -9,33 +9,17 @@ from typing import Any
 import pyarrow as pa
 
 from gpszip.errors import InputError
+from gpszip.io.logs.sniff.text import text_encoding
 from gpszip.io.storage.expansion import read_chunk
 from gpszip.io.storage.source import Source
 
-__all__ = ["decode_head", "read_lines"]
+__all__ = ["read_lines"]
 
 #: Bytes that are read at a time.
 _CHUNK_BYTES = 1 << 22
 
 #: Letters of a line, at most.
 _MAX_LINE_LETTERS = 1 << 22
-
-
-def _encoding(head: bytes) -> str:
-    """Return the encoding of a file that starts like this: UTF-16 by its mark, else UTF-8."""
-    is_wide = head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    return "utf-16" if is_wide else "utf-8-sig"
-
-
-def decode_head(head: bytes) -> str:
-    r"""Return the text at the start of a file; bytes that are no text become question marks.
-
-    Examples
-    --------
-    >>> decode_head(b"\xef\xbb\xbfHFDTE160701")
-    'HFDTE160701'
-    """
-    return head.decode(_encoding(head), "replace")
 
 
 def read_lines(source: Source) -> Iterator[Any]:
@@ -63,7 +47,7 @@ def read_lines(source: Source) -> Iterator[Any]:
     ['one', 'two']
     """
     # Decode chunk by chunk.
-    decoder = codecs.getincrementaldecoder(_encoding(source.head()))("replace")
+    decoder = codecs.getincrementaldecoder(text_encoding(source.head()))("replace")
     rest = ""
     number = 1
     with source.open() as stream:

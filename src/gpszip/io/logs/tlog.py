@@ -18,7 +18,7 @@ from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.storage.expansion import read_chunk
 from gpszip.io.storage.source import Source
 
-__all__ = ["read_tlog", "sniff_tlog"]
+__all__ = ["read_tlog", "starts_with_frames"]
 
 #: Bytes of the time before a frame.
 _TIME_BYTES = 8
@@ -100,13 +100,13 @@ Floats = NDArray[np.float64]
 Rows = NDArray[np.void]
 
 
-def sniff_tlog(head: bytes) -> bool:
+def starts_with_frames(head: bytes) -> bool:
     r"""Whether a file that starts like this is a telemetry log.
 
     Examples
     --------
     >>> frame = (1_700_000_000_000_000).to_bytes(8, "big") + b"\xfe\x00\x00\x01\x01\x00\x00\x00"
-    >>> sniff_tlog(3 * frame), sniff_tlog(b"t,x,y\n0,1,2\n")
+    >>> starts_with_frames(3 * frame), starts_with_frames(b"t,x,y\n0,1,2\n")
     (True, False)
     """
     position = 0

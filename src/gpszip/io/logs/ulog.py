@@ -21,10 +21,7 @@ from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.storage.source import Source
 from gpszip.model.read_result import LeftOut
 
-__all__ = ["read_ulog", "sniff_ulog"]
-
-#: First bytes of a file.
-_MAGIC = b"ULog\x01\x12\x35"
+__all__ = ["read_ulog"]
 
 #: Bytes of the header of a file and of a message.
 _HEADER, _MESSAGE = 16, 3
@@ -83,17 +80,6 @@ _APPENDED_FLAG, _INCOMPATIBLE, _OFFSETS = 1, 8, 16
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.void]
-
-
-def sniff_ulog(head: bytes) -> bool:
-    r"""Whether a file that starts like this is ULog.
-
-    Examples
-    --------
-    >>> sniff_ulog(b"ULog\x01\x12\x35\x01"), sniff_ulog(b"ULog")
-    (True, False)
-    """
-    return head.startswith(_MAGIC)
 
 
 def read_ulog(source: Source, request: Request) -> RawLog:

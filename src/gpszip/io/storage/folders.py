@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from gpszip.io.storage.zip_files import is_hidden, read_first
+from gpszip.io.storage.zip_files import is_hidden
 
 __all__ = ["FolderItem", "FolderLog", "find_folder_log", "is_folder_log", "walk_folder"]
 
@@ -86,10 +86,9 @@ class FolderItem(NamedTuple):
 def walk_folder(folder: Path) -> Iterator[FolderItem]:
     """Find the files of a folder and of all folders in it.
 
-    Files of a folder come before those of the folders in it, each in the order of their names, and
-    those with what devices measured first in an export of Google. Hidden files are passed over. A
-    folder that is one log, such as a bag of ROS 2, is one item. Links are followed, but no folder
-    is entered twice.
+    Files of a folder come before those of the folders in it, each in the order of their names.
+    Hidden files are passed over. A folder that is one log, such as a bag of ROS 2, is one item.
+    Links are followed, but no folder is entered twice.
 
     Parameters
     ----------
@@ -110,10 +109,7 @@ def walk_folder(folder: Path) -> Iterator[FolderItem]:
             if (status.st_dev, status.st_ino) in entered:
                 continue
             entered.add((status.st_dev, status.st_ino))
-            names = sorted(
-                (entry.name for entry in current.iterdir()),
-                key=lambda name: (read_first(name), name),
-            )
+            names = sorted(entry.name for entry in current.iterdir())
         except OSError as error:
             yield FolderItem(current, error=error)
             continue

@@ -23,7 +23,7 @@ from gpszip.io.storage.expansion import open_gzip, read_chunk
 from gpszip.io.storage.folders import FolderItem, find_folder_log, is_folder_log, walk_folder
 from gpszip.io.storage.remote import fetch_objects, is_url
 from gpszip.io.storage.temporary import disk_errors_as_output_errors, scratch_folder
-from gpszip.io.storage.zip_files import ExpansionLimit, find_members, is_zip
+from gpszip.io.storage.zip_files import ExpansionLimit, find_members, is_zip, reading_rank
 
 __all__ = ["Source", "expand", "is_stray_file", "spooled"]
 
@@ -328,7 +328,7 @@ def _expand(sources: Any, how: _Expansion) -> Iterator[Source | InputError]:
     """Turn names, patterns and streams into sources."""
     # Streams can be iterated, too, but they are one source.
     is_single = isinstance(sources, (str, Path)) or hasattr(sources, "read")
-    for item in [sources] if is_single else sources:
+    for item in [sources] if is_single else _in_reading_order(sources):
         # Results of :func:`spooled` pass unchanged.
         if isinstance(item, (Source, InputError)):
             yield item
@@ -340,6 +340,16 @@ def _expand(sources: Any, how: _Expansion) -> Iterator[Source | InputError]:
                 yield from _zip_sources(found, how)
             else:
                 yield found
+
+
+def _in_reading_order(sources: Any) -> Any:
+    """Put archives of an export in order if all are named; others are taken one by one."""
+    if not isinstance(sources, (list, tuple)):
+        return sources
+    last = reading_rank("")
+    return sorted(
+        sources, key=lambda item: reading_rank(item) if isinstance(item, (str, Path)) else last
+    )
 
 
 def _resolve(item: str | Path | BinaryIO) -> Iterator[Source | _Stream | InputError]:
@@ -518,7 +528,7 @@ def _match_pattern(name: str) -> list[str]:
     # A file may have brackets in its name.
     if _is_pattern(name) and not Path(name).exists():
         # Path.glob accepts no absolute pattern.
-        return sorted(glob.glob(name, recursive=True)) or [name]  # noqa: PTH207
+        return _in_reading_order(sorted(glob.glob(name, recursive=True))) or [name]  # noqa: PTH207
     return [name]
 
 
@@ -547,8 +557,10 @@ def _resolve_name(name: str) -> Iterator[Source | _Stream | InputError]:
 
 def _folder_sources(folder: Path, shown: str) -> Iterator[Source | _Stream | InputError]:
     """The files of a folder: one log if they are tables of Parquet, else logs among other files."""
+    # Of an export of Google, what devices measured is read first, in whatever folder it lies.
+    items = sorted(walk_folder(folder), key=lambda item: reading_rank(item.path))
+
     # Parquet files are one log, maybe in partitions. What lies beside them is no part of it.
-    items = list(walk_folder(folder))
     tables = [item for item in items if item.path.suffix in _PARQUET and not item.log]
     collection = shown if len(tables) < len(items) else ""
     if not items:

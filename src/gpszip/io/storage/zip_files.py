@@ -10,13 +10,14 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, BinaryIO
 
 from gpszip.errors import InputError, UnknownFormatError
 from gpszip.io.storage.display_name import printable_name
 from gpszip.io.storage.expansion import ExpansionMeter
 
-__all__ = ["ExpansionLimit", "ZipMember", "find_members", "is_hidden", "is_zip", "read_first"]
+__all__ = ["ExpansionLimit", "ZipMember", "find_members", "is_hidden", "is_zip", "reading_rank"]
 
 #: First bytes of an archive with members, and of an empty one.
 _MAGIC = (b"PK\x03\x04", b"PK\x05\x06")
@@ -40,6 +41,9 @@ _SHOWN_SUFFIXES = (".png", ".jpg", ".jpeg", ".gif", ".bmp", ".tif", ".tiff", ".s
 #: Names of files that are read before all others, in lower case. In exports of Google, they hold
 #: what devices measured, and the others what was made of it.
 _FIRST_NAMES = ("records.json", "timeline edits.json")
+
+#: Suffix of zip archives.
+_ZIP_SUFFIX = ".zip"
 
 #: Flag of an encrypted member.
 _ENCRYPTED = 1
@@ -120,14 +124,29 @@ class ExpansionLimit:
             self._outer.count(unpacked)
 
 
-def read_first(name: str) -> int:
-    """Return the rank of a file of a folder or archive: lower ones are read first.
+def reading_rank(path: str | Path) -> int:
+    """Return the rank of a file: those of lower ranks are read first.
+
+    A zip archive has the lowest rank of its members, since an export may come in several of them.
 
     Examples
     --------
-    >>> sorted(["a.gpx", "b/Timeline Edits.json", "c/Records.json"], key=read_first)
+    >>> sorted(["a.gpx", "b/Timeline Edits.json", "c/Records.json"], key=reading_rank)
     ['c/Records.json', 'b/Timeline Edits.json', 'a.gpx']
     """
+    try:
+        archive_path = Path(path).expanduser()
+        # Opening a pipe would wait for who writes to it.
+        if archive_path.suffix.lower() != _ZIP_SUFFIX or not archive_path.is_file():
+            return _rank(str(path))
+        with zipfile.ZipFile(archive_path) as archive:
+            return min(map(_rank, archive.namelist()), default=len(_FIRST_NAMES))
+    except _DAMAGE_ERRORS:
+        return len(_FIRST_NAMES)  # reading it reports the damage
+
+
+def _rank(name: str) -> int:
+    """Return the rank of a file by its name alone."""
     base = name.replace("\\", "/").rsplit("/", 1)[-1].lower()
     return _FIRST_NAMES.index(base) if base in _FIRST_NAMES else len(_FIRST_NAMES)
 
@@ -163,9 +182,8 @@ def find_members(
     Yields
     ------
     ZipMember or InputError
-        Members in the order of the archive, those with what devices measured first in an export of
-        Google; an error for a member that can't be read, or for the
-        archive.
+        Members in the order of the archive, but files of Google with what devices measured first;
+        an error for a member that can't be read, or for the archive.
 
     Examples
     --------
@@ -216,7 +234,7 @@ def _files_in(
     # All members count against one limit, whose error ends the archive.
     meter = ExpansionMeter(name, "unpack it yourself, and name the files")
     limit = ExpansionLimit(meter, counted, outer)
-    for info in sorted(files, key=lambda info: read_first(info.filename)):
+    for info in sorted(files, key=lambda info: _rank(info.filename)):
         if limit.refused:
             return
         yield _read_member(archive, info, limit, f"{name}/{printable_name(info.filename)}")

@@ -21,7 +21,7 @@ from typing import Any
 from gpszip.errors import InputError
 from gpszip.io.storage.expansion import read_chunk
 
-__all__ = ["Document", "Element", "detect_encoding", "read_json"]
+__all__ = ["Document", "Element", "read_json"]
 
 #: Letters of a single value, at most.
 _MAX_VALUE_LETTERS = 64 << 20
@@ -75,19 +75,6 @@ class Document:
     """The members of an object; streamed lists are empty, as their elements come before."""
 
     members: dict[str, Any]
-
-
-def detect_encoding(head: bytes) -> str:
-    r"""Find the encoding of JSON from its first bytes.
-
-    Examples
-    --------
-    >>> detect_encoding(b"{}"), detect_encoding("{}".encode("utf-16-le"))
-    ('utf-8', 'utf-16-le')
-    >>> detect_encoding(codecs.BOM_UTF8)
-    'utf-8-sig'
-    """
-    return json.detect_encoding(head[:4])
 
 
 def read_json(
@@ -284,12 +271,13 @@ class _Window:
         # The first bytes show the encoding. The decoder keeps the bytes of a letter that is cut at
         # the end of a chunk.
         if self._decoder is None:
-            self._decoder = codecs.getincrementaldecoder(detect_encoding(data))()
+            self._decoder = codecs.getincrementaldecoder(json.detect_encoding(data))()
         self._is_at_end = not data
         try:
             self._text = unread + self._decoder.decode(data, final=self._is_at_end)
         except UnicodeDecodeError as error:
-            character = self._passed + len(unread)
+            right = len(error.object[: error.start].decode(error.encoding, "ignore"))
+            character = self._passed + len(unread) + right
             raise InputError(
                 f"damaged JSON file: no {error.encoding.upper()} after character {character:,}",
                 path=self._name,

@@ -17,13 +17,7 @@ from gpszip.io.storage.source import Source
 from gpszip.model.read_result import LeftOut, Repair
 from gpszip.model.text import count_text
 
-__all__ = ["read_fit", "sniff_fit"]
-
-#: Bytes before the signature of the standard: sizes and versions.
-_SIGNATURE_OFFSET = 8
-
-#: The signature.
-_SIGNATURE = b".FIT"
+__all__ = ["read_fit"]
 
 #: Degrees in a semicircle, the unit of positions.
 _SEMICIRCLE = 180 / 2**31
@@ -45,22 +39,6 @@ _MAX_SHOWN_MESSAGES = 6
 _MAX_SHOWN_FIELDS = 20
 
 Floats = NDArray[np.float64]
-
-
-def sniff_fit(head: bytes) -> bool:
-    r"""Whether a file that starts like this is FIT.
-
-    Parameters
-    ----------
-    head : bytes
-        The first bytes of the file.
-
-    Examples
-    --------
-    >>> sniff_fit(b"\x0e\x20\x54\x08\x00\x01\x00\x00.FIT"), sniff_fit(b"t,x,y\n0,1,2")
-    (True, False)
-    """
-    return head[_SIGNATURE_OFFSET:].startswith(_SIGNATURE)
 
 
 def read_fit(source: Source, request: Request) -> RawLog:

@@ -100,6 +100,8 @@ def find_moving_attributes(
             if isinstance(own, list) and isinstance(moments, list):
                 pairs = zip(moments, own, strict=False)
                 values |= {moment: value for moment, value in pairs if _is_key(moment)}
+
+        # Each position gets the value at its time.
         if values:
             found[name] = [
                 [values.get(moment) if _is_key(moment) else None for moment in line]

@@ -28,31 +28,9 @@ from gpszip.io.logs.geojson.points import PointTable
 from gpszip.io.logs.geojson.write import METRES_MEMBER
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.storage.source import Source
-from gpszip.io.values.json_stream import Document, detect_encoding, read_json
+from gpszip.io.values.json_stream import Document, read_json
 
-__all__ = ["read_geojson", "sniff_geojson"]
-
-#: Bytes from which JSON is recognised: an object, a list of objects, or a sequence whose objects
-#: follow a record separator.
-_SNIFFED_BYTES = 1000
-
-#: Space before the first object, with the record separator of RFC 8142 and the byte order mark.
-_SPACE = " \t\r\n\x1e\ufeff"
-
-
-def sniff_geojson(head: bytes) -> bool:
-    """Whether a file that starts like this is JSON with objects.
-
-    Examples
-    --------
-    >>> sniff_geojson(b'{"type": "FeatureCollection"'), sniff_geojson(b'[ {"type": "Feature"')
-    (True, True)
-    >>> sniff_geojson(b"[t],x,y")
-    False
-    """
-    # A list holds objects or nothing; `[t],x,y` is the header of a table.
-    text = head[:_SNIFFED_BYTES].decode(detect_encoding(head), "ignore").lstrip(_SPACE)
-    return text[:1] == "{" or (text[:1] == "[" and text[1:].lstrip()[:1] in ("{", "]"))
+__all__ = ["read_geojson"]
 
 
 def read_geojson(source: Source, request: Request) -> RawLog:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, BinaryIO, NamedTuple
 
@@ -15,7 +15,7 @@ from gpszip.errors import OutputError
 from gpszip.io.logs.raw import HEIGHT_NAMES
 from gpszip.io.logs.track_rows import TrackRows, group_into_lines, round_decimals
 
-__all__ = ["METRES_MEMBER", "to_json_list", "write_geojson", "write_geojsonl"]
+__all__ = ["METRES_MEMBER", "to_json_list", "write_collection", "write_geojson", "write_geojsonl"]
 
 #: Member of a collection whose coordinates are metres on the log's own plane, as GeoJSON has no
 #: word for them.
@@ -63,17 +63,48 @@ def write_geojson(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
     OutputError
         If some tracks are in metres and some in degrees.
     """
+    write_collection(tracks, sink, _track_features, {}, {})
+
+
+def write_collection(
+    tracks: Iterable[TrackRows],
+    sink: BinaryIO,
+    make_features: Callable[[str, Sequence[TrackRows]], Iterable[dict[str, Any]]],
+    crs: Mapping[str, Any],
+    members: Mapping[str, Any],
+) -> None:
+    """Write the features of all tracks as a collection.
+
+    Parameters
+    ----------
+    tracks : iterable of TrackRows
+        All in x and y, or all on the globe. Metres are marked by :data:`METRES_MEMBER`.
+    sink : binary file
+        The file to write to.
+    make_features : callable
+        Returns the features of a track of this name and of these lines.
+    crs : mapping of str to object
+        Member of a collection of tracks on the globe that names their coordinate system.
+    members : mapping of str to object
+        Members of any collection.
+
+    Raises
+    ------
+    OutputError
+        If some tracks are in metres and some in degrees.
+    """
     # Write feature by feature. The first track decides whether the collection is in metres.
     separator, geographic = b"", None
     for name, lines in group_into_lines(tracks):
         if geographic is None:
             geographic = lines[0].geographic
-            member = "" if geographic else f"{json.dumps(METRES_MEMBER)[1:-1]}, "
-            sink.write(f'{{"type": "FeatureCollection", {member}"features": [\n'.encode())
+            system = crs if geographic else METRES_MEMBER
+            start = json.dumps({"type": "FeatureCollection", **system, **members})[:-1]
+            sink.write(f'{start}, "features": [\n'.encode())
         if geographic != lines[0].geographic:
             raise OutputError("tracks in metres and tracks in degrees can't be written together")
 
-        for feature in _track_features(name, lines):
+        for feature in make_features(name, lines):
             sink.write(separator + json.dumps(feature, ensure_ascii=False).encode())
             separator = b",\n"
 

@@ -7,13 +7,11 @@ reads no third one, and heights are a temporal property.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from typing import Any, BinaryIO
 
-from gpszip.errors import OutputError
-from gpszip.io.logs.geojson.write import METRES_MEMBER, to_json_list
-from gpszip.io.logs.track_rows import TrackRows, group_into_lines
+from gpszip.io.logs.geojson.write import to_json_list, write_collection
+from gpszip.io.logs.track_rows import TrackRows
 from gpszip.io.logs.xml.writing import format_times
 
 __all__ = ["write_mf_json"]
@@ -21,8 +19,6 @@ __all__ = ["write_mf_json"]
 #: Names of the coordinate systems of positions and times.
 _CRS = {"type": "Name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
 _TRS = {"type": "Name", "properties": {"name": "urn:ogc:data:time:iso8601"}}
-
-_EMPTY_COLLECTION = b'{"type": "FeatureCollection", "features": []}\n'
 
 
 def write_mf_json(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
@@ -41,24 +37,13 @@ def write_mf_json(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
     OutputError
         If some tracks are in metres and some in degrees.
     """
-    # Write feature by feature. The first track decides whether the collection is in metres.
-    separator, geographic = b"", None
-    for name, lines in group_into_lines(tracks):
-        if geographic is None:
-            geographic = lines[0].geographic
-            members = {"crs": _CRS, "trs": _TRS} if geographic else {**METRES_MEMBER, "trs": _TRS}
-            start = json.dumps({"type": "FeatureCollection", **members})[:-1]
-            sink.write(f'{start}, "features": [\n'.encode())
-        if geographic != lines[0].geographic:
-            raise OutputError("tracks in metres and tracks in degrees can't be written together")
-
-        for line in lines:
-            feature = _moving_feature(name, line)
-            sink.write(separator + json.dumps(feature, ensure_ascii=False).encode())
-            separator = b",\n"
-
-    # Without a track, no collection was begun.
-    sink.write(_EMPTY_COLLECTION if geographic is None else b"\n]}\n")
+    write_collection(
+        tracks,
+        sink,
+        lambda name, lines: [_moving_feature(name, line) for line in lines],
+        {"crs": _CRS},
+        {"trs": _TRS},
+    )
 
 
 def _moving_feature(name: str, line: TrackRows) -> dict[str, Any]:

@@ -5,10 +5,9 @@ Histories are read in batches, so they may be larger than memory.
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,32 +24,26 @@ from gpszip.io.logs.google.entries import (
     positions_in,
 )
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
-from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request, UnreadableCell
+from gpszip.io.logs.raw import (
+    HEIGHT_NAMES,
+    RawLog,
+    Request,
+    UnreadableCell,
+    find_kept,
+    join_batches,
+)
 from gpszip.io.storage.source import Source
 from gpszip.io.values.coordinates import parse_degrees
-from gpszip.io.values.json_stream import Element, detect_encoding, read_json
+from gpszip.io.values.json_stream import Element, read_json
 from gpszip.io.values.timestamps import times_to_seconds
 from gpszip.model.read_result import LeftOut, Repair
 
 __all__ = [
-    "history_list",
     "read_google",
     "read_google_batches",
     "read_google_paths",
     "read_google_paths_batches",
-    "sniff_google",
-    "sniff_google_paths",
 ]
-
-#: Letters by which a history is recognised.
-_SNIFFED_LETTERS = 1000
-
-#: The start of a history: the first member of its object, or of the first entry of its list.
-_START = re.compile(
-    r"[\s\ufeff]*(?:\{\s*\"(locations|rawSignals|timelineEdits|semanticSegments|timelineObjects"
-    r"|userLocationProfile)\"\s*:"
-    r"|\[\s*\{\s*\"(?:startTime|endTime|timelinePath|visit|activity|timelineMemory)\"\s*:)"
-)
 
 #: Positions that are turned into columns together.
 _BATCH_ROWS = 1 << 16
@@ -82,39 +75,6 @@ _MAX_KIND_LETTERS = 30
 _MAX_KINDS = 100
 
 Floats = NDArray[np.float64]
-
-
-def sniff_google(head: bytes) -> bool:
-    """Whether a file that starts like this is a location history of Google.
-
-    Examples
-    --------
-    >>> sniff_google(b'{"locations": [{"latitudeE7": 480000000'), sniff_google(b'{"type": "Fea')
-    (True, False)
-    """
-    return _match_start(head) is not None
-
-
-def history_list(head: bytes) -> str:
-    """Return the name of the list with which a history begins; empty for a list without a name.
-
-    Examples
-    --------
-    >>> history_list(b'{"locations": [{"latitudeE7": 480000000')
-    'locations'
-    """
-    start = _match_start(head)
-    return "" if start is None else start[1] or ""
-
-
-def _match_start(head: bytes) -> re.Match[str] | None:
-    text = head[: 4 * _SNIFFED_LETTERS].decode(detect_encoding(head), "ignore")
-    return _START.match(text[:_SNIFFED_LETTERS])
-
-
-def sniff_google_paths(_head: bytes) -> bool:
-    """Return False: paths of a history are read instead of its positions only if asked for."""
-    return False
 
 
 def read_google(source: Source, request: Request) -> RawLog:
@@ -169,27 +129,7 @@ def read_google_paths_batches(source: Source, request: Request) -> LogBatches:
 
 
 def _read(reader: _Reader) -> RawLog:
-    """Read all batches and join them."""
-    # The last batch names all devices, and says what was left out.
-    logs = list(_read_batches(reader))
-    codes = [log.codes for log in logs if log.codes is not None]
-    unreadable = (
-        replace(cell, row=cell.row + log.first - 1) for log in logs for cell in log.unreadable
-    )
-    dropped = dict.fromkeys(name for log in logs for name in log.dropped_columns)
-    return replace(
-        logs[-1],
-        codes=np.concatenate(codes) if codes else None,
-        times=np.concatenate([log.times for log in logs]),
-        coordinates=np.concatenate([log.coordinates for log in logs]),
-        attributes={
-            name: np.concatenate([log.attributes[name] for log in logs])
-            for name in logs[-1].attributes
-        },
-        first=1,
-        dropped_columns=tuple(dropped),
-        unreadable=tuple(unreadable)[:1],
-    )
+    return join_batches(list(_read_batches(reader)))
 
 
 def _open(reader: _Reader) -> LogBatches:
@@ -236,7 +176,7 @@ class _Reader:
     def __init__(self, source: Source, request: Request, *, paths_only: bool) -> None:
         self._source, self._name = source, source.name
         self._request = request
-        self._kept = _kept_columns(request, source.name)
+        self._kept = find_kept(request, _SYNONYMS, "heading", source.name)
         self._paths_only = paths_only
         self._counts = _Counts()
         self._devices: dict[str, int] | None = None  # codes by name, if entries may name devices
@@ -420,15 +360,3 @@ def _unreadable(points: Any, coordinates: Floats) -> tuple[UnreadableCell, ...]:
         return ()
     row = int(bad.argmax())
     return (UnreadableCell("point", row, points[row].as_py()),)
-
-
-def _kept_columns(request: Request, where: str) -> dict[str, str]:
-    """Return the column to keep for each name that was asked for."""
-    kept = {}
-    for name in request.keep:
-        columns = [column for column, names in _SYNONYMS.items() if name.lower() in names]
-        if not columns:
-            shown = ", ".join(_SYNONYMS)
-            raise InputError(f"no {name!r} to keep", path=where, remedy=f"its points have: {shown}")
-        kept[name] = columns[0]
-    return {**kept, "heading": "heading"} if request.heading else kept

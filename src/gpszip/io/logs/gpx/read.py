@@ -16,12 +16,12 @@ from gpszip.io.logs.xml.batches import open_batches
 from gpszip.io.logs.xml.facts import fields_to_collect
 from gpszip.io.logs.xml.interpret import interpret_points, replacement_repairs
 from gpszip.io.logs.xml.point_collector import PointCollector, Vocabulary, collect_points
-from gpszip.io.logs.xml.text import ReplacedBytes, root_element
+from gpszip.io.logs.xml.text import ReplacedBytes
 from gpszip.io.storage.source import Source
 from gpszip.model.read_result import LeftOut
 from gpszip.model.text import count_text
 
-__all__ = ["GPX_VOCABULARY", "read_gpx", "read_gpx_batches", "sniff_gpx"]
+__all__ = ["GPX_VOCABULARY", "read_gpx", "read_gpx_batches"]
 
 GPX_VOCABULARY = Vocabulary(
     format_name="GPX",
@@ -34,22 +34,6 @@ GPX_VOCABULARY = Vocabulary(
     containers=frozenset({"extensions", "link"}),
     no_fields=frozenset({"link"}),
 )
-
-
-def sniff_gpx(head: bytes) -> bool:
-    """Whether a file that starts like this is GPX.
-
-    Parameters
-    ----------
-    head : bytes
-        The first bytes of the file.
-
-    Examples
-    --------
-    >>> sniff_gpx(b'<?xml version="1.0"?> <gpx version="1.1">'), sniff_gpx(b"<kml>")
-    (True, False)
-    """
-    return (root_element(head) or "").lower() == "gpx"
 
 
 def read_gpx(source: Source, request: Request) -> RawLog:

@@ -213,8 +213,14 @@ class KmlCollector:
 
     @property
     def open_elements(self) -> tuple[str, ...]:
-        """Names of the open elements, the outermost first."""
-        return tuple(self._open)
+        """Names of the elements around points that are open, the outermost first."""
+        # A point is a position in a line or in a track, or else a placemark.
+        if self._line is not None:
+            return tuple(self._open)
+        if self._track is not None:
+            return tuple(self._open[: self._kinds.index("track") + 1])
+        is_within = self._placemark is not None
+        return tuple(self._open[: self._kinds.index("placemark") if is_within else None])
 
     def flush(self) -> None:
         """Store the texts so far in little memory. Call it after each chunk of the file.

@@ -18,31 +18,12 @@ from gpszip.io.logs.xml.batches import open_batches
 from gpszip.io.logs.xml.facts import fields_to_collect
 from gpszip.io.logs.xml.interpret import interpret_points, replacement_repairs
 from gpszip.io.logs.xml.parser import parse_chunks
-from gpszip.io.logs.xml.text import ReplacedBytes, root_element
+from gpszip.io.logs.xml.text import ReplacedBytes
 from gpszip.io.storage.source import Source
 from gpszip.model.read_result import LeftOut, Repair
 from gpszip.model.text import count_text
 
-__all__ = ["read_kml", "read_kml_batches", "sniff_kml"]
-
-#: Elements that may be the root of a KML file, in lower case.
-_ROOTS = frozenset({"kml", "document", "folder", "placemark"})
-
-
-def sniff_kml(head: bytes) -> bool:
-    """Whether a file that starts like this is KML.
-
-    Parameters
-    ----------
-    head : bytes
-        The first bytes of the file.
-
-    Examples
-    --------
-    >>> sniff_kml(b'<?xml version="1.0"?> <kml>'), sniff_kml(b"<gpx>")
-    (True, False)
-    """
-    return (root_element(head) or "").lower() in _ROOTS
+__all__ = ["read_kml", "read_kml_batches"]
 
 
 def read_kml(source: Source, request: Request) -> RawLog:

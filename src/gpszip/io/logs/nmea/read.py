@@ -21,7 +21,7 @@ from gpszip.io.logs.nmea.epochs import (
     find_first_date,
     read_epochs,
 )
-from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request, UnreadableCell
+from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request, UnreadableCell, find_kept
 from gpszip.io.storage.source import Source
 from gpszip.model.read_result import LeftOut, Repair
 
@@ -112,7 +112,7 @@ class _Reader:
 
     def __init__(self, source: Source, request: Request) -> None:
         self._name, self._source = source.name, source
-        self._kept = _kept_columns(request, source.name)
+        self._kept = find_kept(request, _SYNONYMS, "course", source.name)
         self._counts = EpochCounts()
         self._odd_days = 0
         self._first_odd_day = 0.0
@@ -227,15 +227,3 @@ class _Reader:
             path=self._name,
             remedy="decode messages of AIS to CSV first" if is_ais else "record RMC or GGA",
         )
-
-
-def _kept_columns(request: Request, where: str) -> dict[str, str]:
-    """Return the column to keep for each name that was asked for."""
-    kept = {}
-    for name in request.keep:
-        columns = [column for column, names in _SYNONYMS.items() if name.lower() in names]
-        if not columns:
-            shown = ", ".join(_SYNONYMS)
-            raise InputError(f"no {name!r} to keep", path=where, remedy=f"its points have: {shown}")
-        kept[name] = columns[0]
-    return {**kept, "heading": "course"} if request.heading else kept

@@ -15,15 +15,13 @@ from typing import Any, NamedTuple, Protocol
 
 from gpszip.errors import GPSZipError, InputError, MissingExtraError, UnknownFormatError
 from gpszip.io.logs.ros.messages import TRANSFORMS
+from gpszip.io.logs.sniff.binary import BAG_MAGIC, MCAP_MAGIC, SQLITE_MAGIC
 from gpszip.io.storage.expansion import read_chunk
 from gpszip.io.storage.source import Source
 from gpszip.io.storage.temporary import disk_errors_as_output_errors, scratch_folder
 
 __all__ = [
-    "BAG_MAGIC",
-    "MCAP_MAGIC",
     "METADATA",
-    "SQLITE_MAGIC",
     "Bag",
     "Message",
     "Topic",
@@ -31,11 +29,6 @@ __all__ = [
     "named_faults",
     "open_bag",
 ]
-
-#: First bytes of the files.
-BAG_MAGIC = b"#ROSBAG V"
-MCAP_MAGIC = b"\x89MCAP0\r\n"
-SQLITE_MAGIC = b"SQLite format 3\0"
 
 #: File by which a folder of ROS 2 is read.
 METADATA = "metadata.yaml"

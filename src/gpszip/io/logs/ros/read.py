@@ -7,39 +7,13 @@ from collections.abc import Iterator, Sequence
 from gpszip.errors import NoPositionsError
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.raw import RawLog, Request, join_batches
-from gpszip.io.logs.ros.bags import (
-    BAG_MAGIC,
-    MCAP_MAGIC,
-    SQLITE_MAGIC,
-    Bag,
-    kind_of,
-    named_faults,
-    open_bag,
-)
+from gpszip.io.logs.ros.bags import Bag, kind_of, named_faults, open_bag
 from gpszip.io.logs.ros.frames import FrameReader, transform_topics
 from gpszip.io.logs.ros.topics import TopicReader, choose_topics
 from gpszip.io.storage.source import Source
 from gpszip.model.text import count_phrase
 
-__all__ = ["read_ros", "read_ros_batches", "sniff_ros"]
-
-#: What the metadata of a folder begins with.
-_METADATA_KEY = b"rosbag2_bagfile_information:"
-
-#: Bytes within which it does.
-_METADATA_START = 1 << 12
-
-#: What the first page of a database says if ROS 2 wrote it.
-_TABLES = (b"CREATE TABLE topics", b"CREATE TABLE messages", b"serialization_format")
-
-
-def sniff_ros(head: bytes) -> bool:
-    """Whether a file that starts like this is a bag, an MCAP file or the metadata of a folder."""
-    if head.startswith((BAG_MAGIC, MCAP_MAGIC)):
-        return True
-    if head.startswith(SQLITE_MAGIC):
-        return all(text in head for text in _TABLES)
-    return head[:_METADATA_START].lstrip().startswith(_METADATA_KEY)
+__all__ = ["read_ros", "read_ros_batches"]
 
 
 def read_ros(source: Source, request: Request) -> RawLog:

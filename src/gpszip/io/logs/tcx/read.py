@@ -15,15 +15,12 @@ from gpszip.io.logs.xml.batches import open_batches
 from gpszip.io.logs.xml.facts import fields_to_collect
 from gpszip.io.logs.xml.interpret import interpret_points, replacement_repairs
 from gpszip.io.logs.xml.point_collector import PointCollector, Vocabulary, collect_points
-from gpszip.io.logs.xml.text import ReplacedBytes, root_element
+from gpszip.io.logs.xml.text import ReplacedBytes
 from gpszip.io.storage.source import Source
 from gpszip.model.read_result import LeftOut, Repair
 from gpszip.model.text import count_text
 
-__all__ = ["TCX_VOCABULARY", "read_tcx", "read_tcx_batches", "sniff_tcx"]
-
-#: The root element in lower case.
-_ROOT = "trainingcenterdatabase"
+__all__ = ["TCX_VOCABULARY", "read_tcx", "read_tcx_batches"]
 
 TCX_VOCABULARY = Vocabulary(
     format_name="TCX",
@@ -44,22 +41,6 @@ TCX_VOCABULARY = Vocabulary(
     },
     has_attributes=False,
 )
-
-
-def sniff_tcx(head: bytes) -> bool:
-    """Whether a file that starts like this is TCX.
-
-    Parameters
-    ----------
-    head : bytes
-        The first bytes of the file.
-
-    Examples
-    --------
-    >>> sniff_tcx(b'  <?xml version="1.0"?> <TrainingCenterDatabase>'), sniff_tcx(b"<gpx>")
-    (True, False)
-    """
-    return (root_element(head) or "").lower() == _ROOT
 
 
 def read_tcx(source: Source, request: Request) -> RawLog:

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
+from gpszip.io.logs.trajectories.clean_lines import clean_lines
 from gpszip.io.logs.trajectories.headings import forward_of_quaternions, unit_vectors
-from gpszip.io.logs.trajectories.number_lines import clean_lines
-from gpszip.io.tables.roles import find_roles
 
 __all__ = ["KITTI", "TUM", "Layout", "euroc_layout", "sniff_euroc", "sniff_kitti", "sniff_tum"]
 
@@ -221,6 +220,9 @@ def _names_other_columns(head: bytes) -> bool:
     names = re.split(r"[\s,;]+", comments[-1]) if comments else []
     if len(names) != len(TUM.columns):
         return False
+
+    # Few files come this far, so recognising others imports no Arrow.
+    from gpszip.io.tables.roles import find_roles
 
     # A comment that is no header names no columns.
     try:

@@ -20,10 +20,11 @@ from gpszip.io.logs.csv_batches import read_csv_batches
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.logs.table_batches import TableBatch, interpret_batches
+from gpszip.io.logs.trajectories.clean_lines import clean_lines
 from gpszip.io.logs.trajectories.clock import Clock, clock_of
 from gpszip.io.logs.trajectories.headings import heading_of_vectors
 from gpszip.io.logs.trajectories.layouts import KITTI, TUM, Layout, euroc_layout
-from gpszip.io.logs.trajectories.number_lines import clean_lines, parse_lines, read_blocks
+from gpszip.io.logs.trajectories.number_lines import parse_lines, read_blocks
 from gpszip.io.storage.source import Source
 from gpszip.io.tables.roles import Roles, find_roles
 from gpszip.io.tables.table import TableConventions, build_raw_log

@@ -29,17 +29,9 @@ from gpszip.model.read_result import LeftOut
 __all__ = [
     "read_vector",
     "read_vector_batches",
-    "sniff_flatgeobuf",
-    "sniff_gpkg",
     "write_flatgeobuf",
     "write_gpkg",
 ]
-
-#: First bytes of a database of SQLite, and where the application that wrote it is named.
-_SQLITE, _APPLICATION = b"SQLite format 3\x00", slice(68, 70)
-
-#: First bytes of FlatGeobuf; the bytes between and after them are versions.
-_FLATGEOBUF, _VERSION = b"fgb", 4
 
 #: Rows that are read at a time.
 _BATCH_ROWS = 1 << 16
@@ -69,23 +61,6 @@ _LAYER = "points"
 _LAST_CHANGE = {"OGR_CURRENT_DATE": "1970-01-01T00:00:00.000Z"}
 
 _Result = TypeVar("_Result")
-
-
-def sniff_gpkg(head: bytes) -> bool:
-    r"""Whether a file that starts like this is a GeoPackage.
-
-    Examples
-    --------
-    >>> sniff_gpkg(b"SQLite format 3\x00" + bytes(52) + b"GPKG")
-    True
-    """
-    # The application is GPKG, or GP10 and GP11 in old files.
-    return head.startswith(_SQLITE) and head[_APPLICATION] == b"GP"
-
-
-def sniff_flatgeobuf(head: bytes) -> bool:
-    """Whether a file that starts like this is FlatGeobuf."""
-    return head[:3] == _FLATGEOBUF and head[_VERSION : _VERSION + 3] == _FLATGEOBUF
 
 
 # Reading

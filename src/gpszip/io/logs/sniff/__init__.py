@@ -1,0 +1,1 @@
+"""Recognise log formats by the first bytes of a file, without importing their readers."""
