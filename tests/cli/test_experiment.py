@@ -20,10 +20,10 @@ def without_seconds(folder):
     return found
 
 
-def test_all_quick_writes_every_experiment(shell, tmp_path):
-    done = shell("experiment all --quick -o out --json")
-    assert done.returncode == 0, done.stderr
-    written = json.loads(done.stdout)["written"]
+def test_all_quick_writes_every_experiment(gpszip, tmp_path):
+    run = gpszip("experiment all --quick -o out --json")
+    assert run.code == 0, run.err
+    written = run.json["written"]
     assert sorted(written) == sorted(path.name for path in (tmp_path / "out").iterdir())
     for experiment in EXPERIMENTS:
         page = (tmp_path / "out" / f"{experiment.name}.md").read_text()

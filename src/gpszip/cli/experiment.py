@@ -61,7 +61,7 @@ _HELP = "\n".join(
     show_default=True,
     help="Folder to write to.",
 )
-@click.option("--quick", is_flag=True, help="Small logs and few settings, to try it.")
+@click.option("--quick", is_flag=True, help="Small logs, few settings and effort 1, to try it.")
 @click.option(
     "--seed",
     type=click.IntRange(0),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gpszip.archive import Archive
 from gpszip.experiments.stages import measured
@@ -42,8 +42,8 @@ class ArchiveResult:
     seconds: float
 
 
-def run_archive(tracks: Sequence[Track], rmse: float) -> ArchiveResult:
-    """Compress tracks with the default options within an RMSE in metres.
+def run_archive(tracks: Sequence[Track], rmse: float, *, quick: bool = False) -> ArchiveResult:
+    """Compress tracks with the default options, or with the least effort, within an RMSE in metres.
 
     Examples
     --------
@@ -52,10 +52,11 @@ def run_archive(tracks: Sequence[Track], rmse: float) -> ArchiveResult:
     >>> result.rmse <= 0.6, result.bytes_without_times < result.bytes < 200
     (True, True)
     """
+    options = Options(rmse=rmse, effort=1) if quick else Options(rmse=rmse)
     seconds: dict[str, float] = {}
     with measured(seconds, "compress"):
-        archive, report = compress(tracks, Options(rmse=rmse))
-    shapes, _ = compress(tracks, Options(rmse=rmse, times=False))
+        archive, report = compress(tracks, options)
+    shapes, _ = compress(tracks, replace(options, times=False))
     return ArchiveResult(
         archive=archive,
         bytes=archive.size,
