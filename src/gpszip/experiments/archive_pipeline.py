@@ -13,6 +13,10 @@ from gpszip.pipeline.compress import compress
 __all__ = ["ArchiveResult", "run_archive"]
 
 
+#: RMSE in metres of an archive at least: the resolution of the thesis's texts.
+_MIN_RMSE = 1e-3
+
+
 @dataclass(frozen=True, eq=False)
 class ArchiveResult:
     """What ``gpszip compress`` made of a log.
@@ -45,6 +49,9 @@ class ArchiveResult:
 def run_archive(tracks: Sequence[Track], rmse: float, *, quick: bool = False) -> ArchiveResult:
     """Compress tracks with the default options, or with the least effort, within an RMSE in metres.
 
+    The RMSE is at least a millimetre, to which the thesis's texts are rounded: its pipeline may fit
+    a log exactly.
+
     Examples
     --------
     >>> track = Track("lane", range(400), [[abs(t % 40 - 20.0), 0.0] for t in range(400)])
@@ -52,7 +59,8 @@ def run_archive(tracks: Sequence[Track], rmse: float, *, quick: bool = False) ->
     >>> result.rmse <= 0.6, result.bytes_without_times < result.bytes < 200
     (True, True)
     """
-    options = Options(rmse=rmse, effort=1) if quick else Options(rmse=rmse)
+    options = Options(rmse=max(rmse, _MIN_RMSE))
+    options = replace(options, effort=1) if quick else options
     seconds: dict[str, float] = {}
     with measured(seconds, "compress"):
         archive, report = compress(tracks, options)
