@@ -391,6 +391,12 @@ def test_geoparquet_without_a_system_is_in_degrees():
     assert tracks_of(gpszip.read(plain)) == tracks_of(gpszip.read(columns()))
 
 
+def test_metadata_that_names_no_column_as_primary_is_left():
+    geo = {"primary_column": ["where"], "columns": {"where": {"encoding": "WKB"}}}
+    table = with_geometry(POINTS).replace_schema_metadata({"geo": json.dumps(geo)})
+    assert tracks_of(gpszip.read(table)) == tracks_of(gpszip.read(columns()))
+
+
 def line(*points, kind=2):
     flat = np.array(points, "<f8")
     return struct.pack("<BII", 1, kind, len(points)) + flat.tobytes()
