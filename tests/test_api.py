@@ -6,7 +6,7 @@ import pytest
 
 import gpszip
 from gpszip import api
-from gpszip.errors import OptionError
+from gpszip.errors import InputError, OptionError
 from gpszip.model import Options
 from gpszip.pipeline.compress import compress
 from gpszip.pipeline.match import read_network
@@ -98,6 +98,13 @@ def test_segment_means_search_what_is_left_out():
     assert 1 <= free.m <= free.k <= 20
     short = gpszip.Track("two", [0, 1], [[0.0], [1.0]])
     assert api.segment_mean(short).k <= 2
+
+
+def test_a_segment_mean_of_numbers_too_far_from_zero_is_refused():
+    far = gpszip.Track("a", np.arange(9.0), np.outer(np.arange(9.0), [1e300, 0.0]))
+    for counts in ((), (2, 1)):
+        with pytest.raises(InputError, match="too far from zero"):
+            api.segment_mean(far, *counts)
 
 
 def test_a_report_is_plain_enough_for_json():

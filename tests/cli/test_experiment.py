@@ -20,10 +20,10 @@ def without_seconds(folder):
     return found
 
 
-def test_all_quick_writes_every_experiment(shell, tmp_path):
-    done = shell("experiment all --quick -o out --json")
-    assert done.returncode == 0, done.stderr
-    written = json.loads(done.stdout)["written"]
+def test_all_quick_writes_every_experiment(gpszip, tmp_path):
+    run = gpszip("experiment all --quick -o out --json")
+    assert run.code == 0, run.err
+    written = run.json["written"]
     assert sorted(written) == sorted(path.name for path in (tmp_path / "out").iterdir())
     for experiment in EXPERIMENTS:
         page = (tmp_path / "out" / f"{experiment.name}.md").read_text()
@@ -49,6 +49,14 @@ def test_a_log_of_the_user_is_compressed_both_ways(gpszip, log):
     assert "walk.csv" in Path("out/table-8.1.md").read_text()
 
 
+def test_a_log_that_the_segments_fit_exactly_has_an_archive(gpszip):
+    Path("still.csv").write_text("t,x,y\n" + "".join(f"{t},5,5\n" for t in range(50)))
+    run = gpszip("experiment table-8.1 still.csv --quick -o out")
+    assert run.code == 0, run.err
+    (row,) = json.loads(Path("out/table-8.1.json").read_text())["tables"]["archive"]
+    assert row["archive_rmse_m"] <= 0.001
+
+
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
@@ -56,14 +64,26 @@ def test_a_log_of_the_user_is_compressed_both_ways(gpszip, log):
         ("experiment table-8.2 none.csv", 1, "none.csv"),
         ("experiment table-8.2 --quick -o walk.csv", 1, "name another folder"),
         ("experiment table-8.2 shape.geojson -o out", 2, "times"),
+        ("experiment figure-8.7 far.csv --quick -o out", 1, "too far from zero"),
     ],
 )
 def test_mistakes_are_told(gpszip, log, words, code, message):
     shape = {"type": "LineString", "coordinates": [[0, 0], [1, 1], [2, 1]]}
     Path("shape.geojson").write_text(json.dumps(shape))
+    Path("far.csv").write_text("t,x,y\n" + "".join(f"{t},{t}e300,0\n" for t in range(9)))
     run = gpszip(words)
     assert run.code == code
     assert message in run.err
+
+
+def test_existing_files_are_refused_before_any_work(gpszip, tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "figure-8.2.md").write_text("precious")
+    run = gpszip("experiment all --quick -o out")
+    assert run.code == 1
+    assert "figure-8.2.md: exists" in run.err
+    assert "table-8.1: " not in run.err
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["figure-8.2.md"]
 
 
 def test_help_and_documentation_list_all_experiments(gpszip):

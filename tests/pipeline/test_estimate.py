@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gpszip.errors import InputError
 from gpszip.model import Options, Track
 from gpszip.model.log import MemoryLog
 from gpszip.pipeline.append import append
@@ -62,6 +63,13 @@ def test_a_size_is_its_own_estimate(rounds):
     found = estimate(log_of(rounds), Options(size=400))
     assert (found.bytes, found.sampled, found.cpu_seconds) == (400, 0, None)
     assert estimate(log_of(rounds), Options(k=4, m=2)).bytes is None
+
+
+def test_numbers_too_far_from_zero_are_refused_as_for_an_archive():
+    far = Track("a", np.arange(9.0), np.outer(np.arange(9.0), [1e300, 0.0]))
+    for options in (Options(), Options(rmse=1.0)):
+        with pytest.raises(InputError, match="sample 1: a position of 1e\\+300 is too far"):
+            estimate(log_of(far), options)
 
 
 def test_a_known_map_is_not_counted():

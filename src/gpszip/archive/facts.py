@@ -17,7 +17,7 @@ def file_facts(archive: Archive) -> dict[str, Any]:
     """Facts that need no walk to be decoded."""
     # Name the unit, m or s, in the key of each length and duration.
     grid, contents = archive.grid, archive.contents
-    return {
+    facts = {
         "tracks": len(archive.ids),
         "bytes": archive.size,
         "groups": len(contents.groups),
@@ -26,12 +26,22 @@ def file_facts(archive: Archive) -> dict[str, Any]:
         "node_step_m": step_size(grid.space),
         "time_step_s": step_size(grid.time),
         "layer": contents.layer,
+    }
+
+    # What is kept besides the walks.
+    kept = {
         "kept": None if archive.kept_columns is None else list(archive.kept_columns),
         "exact_logs": list(archive.exact_names),
         "curves": [
             {"name": name, "bound": bound, "bytes": size}
             for name, (bound, size) in archive.curve_sizes.items()
         ],
+    }
+
+    # The map that the walks lie on, if the archive holds none, the bound, and the times.
+    return {
+        **facts,
+        **kept,
         "map": None if contents.map is None else contents.map.hash.hex(),
         **error_bound_facts(archive.error_bound),
         "sampling_s": archive.sampling,

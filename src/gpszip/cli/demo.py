@@ -88,6 +88,7 @@ def command(settings: Settings, out: str, seed: int, points: int, force: bool) -
 
 def _prepare_folder(folder: Path, *, force: bool) -> Path:
     """Make the folder, and remove the files of an earlier demo."""
+    from gpszip.cli.output import make_folder
     from gpszip.errors import OutputError
 
     # Refuse to replace files of an earlier demo unless --force is given.
@@ -101,14 +102,7 @@ def _prepare_folder(folder: Path, *, force: bool) -> Path:
 
     # Make the folder, then remove all earlier files: one that isn't written again, such as a
     # picture without the extra 'plot', would be listed as written.
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"can't be made ({error.strerror})",
-            path=folder,
-            remedy="name another folder with --out",
-        ) from error
+    make_folder(folder, "--out")
     for name in existing:
         (folder / name).unlink()
     return folder

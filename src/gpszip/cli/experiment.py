@@ -21,11 +21,11 @@ from gpszip.cli.options import (
 )
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import LENGTH
-from gpszip.experiments.listing import ALL, EXPERIMENTS, experiments_named
+from gpszip.experiments.listing import ALL, EXPERIMENTS, Experiment, experiments_named
 
 if TYPE_CHECKING:
     from gpszip.experiments.experiment import Setting
-    from gpszip.model import ReadResult
+    from gpszip.model import ReadResult, Track
 
 __all__ = ["command"]
 
@@ -61,7 +61,7 @@ _HELP = "\n".join(
     show_default=True,
     help="Folder to write to.",
 )
-@click.option("--quick", is_flag=True, help="Small logs and few settings, to try it.")
+@click.option("--quick", is_flag=True, help="Small logs, few settings and effort 1, to try it.")
 @click.option(
     "--seed",
     type=click.IntRange(0),
@@ -99,7 +99,7 @@ def command(
     **reading: Any,
 ) -> Outcome:
     """Run experiments."""
-    from gpszip.cli.output import print_json, print_status
+    from gpszip.cli.output import check_output, make_folder, print_json, print_status
     from gpszip.cli.summary import print_losses
     from gpszip.drawing.style import require_matplotlib
     from gpszip.experiments.experiment import Setting
@@ -107,20 +107,23 @@ def command(
 
     # Refuse what can be refused before any work.
     require_matplotlib()
-    target = _prepare_folder(Path(folder))
+    target, experiments = Path(folder), experiments_named(name)
+    make_folder(target, "-o")
+    for experiment in experiments:
+        check_output(str(target / f"{experiment.name}.md"), force=force)
 
     # Read the user's logs, and run.
     read_result = read_logs(logs, **reading) if logs else None
     if read_result is not None and not quiet and not settings.json:
         print_losses(read_result)
-    tracks = () if read_result is None else tuple(_with_times(read_result))
+    tracks = () if read_result is None else _with_times(read_result)
     setting = Setting(tracks, rmse, seed, quick)
     written: list[str] = []
-    for experiment in experiments_named(name):
+    for experiment in experiments:
         if not quiet and not settings.json:
             print_status(f"{experiment.name}: {experiment.description}")
         text = _command_text(experiment.name, logs, setting)
-        written += _run(experiment.module, experiment.name, setting, target, text, force=force)
+        written += _run(experiment, setting, target, text, force=force)
 
     # Say what was written.
     if settings.json:
@@ -130,24 +133,10 @@ def command(
     return Outcome.DONE if read_result is None or read_result.complete else Outcome.LEFT_OUT
 
 
-def _prepare_folder(folder: Path) -> Path:
-    """Make the folder that is to hold the files."""
-    from gpszip.errors import OutputError
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"can't be made ({error.strerror})",
-            path=folder,
-            remedy="name another folder with -o",
-        ) from error
-    return folder
-
-
-def _with_times(read_result: ReadResult) -> list[Any]:
-    """Return the tracks with times; experiments can't do with others."""
+def _with_times(read_result: ReadResult) -> tuple[Track, ...]:
+    """Return the tracks with times, which experiments need."""
     from gpszip.errors import OptionError
+    from gpszip.pipeline.validate import check_tracks
 
     tracks = [track for track in read_result.tracks if track.timed and len(track) > 1]
     if not tracks:
@@ -155,11 +144,11 @@ def _with_times(read_result: ReadResult) -> list[Any]:
             "no track has two points with times, which experiments need",
             remedy="give a log with times",
         )
-    return tracks
+    return check_tracks(tracks)
 
 
 def _run(
-    module: str, name: str, setting: Setting, folder: Path, text: str, *, force: bool
+    experiment: Experiment, setting: Setting, folder: Path, text: str, *, force: bool
 ) -> list[str]:
     """Run one experiment, write its files, and return their names."""
     from importlib import import_module
@@ -167,8 +156,7 @@ def _run(
     from gpszip import __version__
     from gpszip.experiments.write import write_outcome
 
-    (experiment,) = experiments_named(name)
-    outcome = import_module(module).run(setting)
+    outcome = import_module(experiment.module).run(setting)
     return write_outcome(
         experiment,
         outcome,

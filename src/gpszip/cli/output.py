@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = [
     "STDOUT",
     "check_output",
+    "make_folder",
     "print_json",
     "print_status",
     "write_archive",
@@ -145,6 +146,31 @@ def write_archive_and_map(
         for name, path, written in zip(names, temporary_paths, (archive, updated_map), strict=True):
             with as_output_error(name), path.open("wb") as file:
                 write(written.contents, file)
+
+
+def make_folder(folder: Path, option: str) -> None:
+    """Make the folder that is to hold the files of a command, unless it is there.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    option : str
+        The option that names it, for the message.
+
+    Raises
+    ------
+    OutputError
+        If it can't be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"can't be made ({error.strerror})",
+            path=folder,
+            remedy=f"name another folder with {option}",
+        ) from error
 
 
 def print_status(text: str) -> None:

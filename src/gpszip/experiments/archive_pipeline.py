@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gpszip.archive import Archive
 from gpszip.experiments.stages import measured
@@ -11,6 +11,10 @@ from gpszip.model import Options, Track
 from gpszip.pipeline.compress import compress
 
 __all__ = ["ArchiveResult", "run_archive"]
+
+
+#: RMSE in metres of an archive at least: the resolution of the thesis's texts.
+_MIN_RMSE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +46,11 @@ class ArchiveResult:
     seconds: float
 
 
-def run_archive(tracks: Sequence[Track], rmse: float) -> ArchiveResult:
-    """Compress tracks with the default options within an RMSE in metres.
+def run_archive(tracks: Sequence[Track], rmse: float, *, quick: bool = False) -> ArchiveResult:
+    """Compress tracks with the default options, or with the least effort, within an RMSE in metres.
+
+    The RMSE is at least a millimetre, to which the thesis's texts are rounded: its pipeline may fit
+    a log exactly.
 
     Examples
     --------
@@ -52,10 +59,12 @@ def run_archive(tracks: Sequence[Track], rmse: float) -> ArchiveResult:
     >>> result.rmse <= 0.6, result.bytes_without_times < result.bytes < 200
     (True, True)
     """
+    options = Options(rmse=max(rmse, _MIN_RMSE))
+    options = replace(options, effort=1) if quick else options
     seconds: dict[str, float] = {}
     with measured(seconds, "compress"):
-        archive, report = compress(tracks, Options(rmse=rmse))
-    shapes, _ = compress(tracks, Options(rmse=rmse, times=False))
+        archive, report = compress(tracks, options)
+    shapes, _ = compress(tracks, replace(options, times=False))
     return ArchiveResult(
         archive=archive,
         bytes=archive.size,

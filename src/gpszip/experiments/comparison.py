@@ -15,6 +15,42 @@ __all__ = ["Compared", "archive_table", "pipeline_table", "stages_table"]
 #: Who made a row.
 _OURS, _THEIRS = "here", "thesis, own data"
 
+#: Columns of the thesis's table, and k, m and the maximum, which it leaves out.
+_PIPELINE_COLUMNS = (
+    Column("log", "log"),
+    Column("data", "data"),
+    Column("points", "points"),
+    Column("coreset", "coreset"),
+    Column("k", "k"),
+    Column("m", "m"),
+    Column("nodes", "nodes"),
+    Column("edges", "edges"),
+    Column("waypoints", "waypoints"),
+    Column("bzip2", "bzip2", 1),
+    Column("semantic", "semantic", 1),
+    Column("semantic_bzip2", "semantic + bzip2", 1),
+    Column("improvement", "improvement", 1),
+    Column("rmse_m", "RMSE m", 3),
+    Column("max_m", "max m", 2),
+)
+
+#: Columns that compare bytes and errors of the thesis's pipeline and of the archive.
+_ARCHIVE_COLUMNS = (
+    Column("log", "log"),
+    Column("text_bytes", "text"),
+    Column("thesis_bytes", "thesis"),
+    Column("archive_bytes", "archive"),
+    Column("smaller", "smaller", 1),
+    Column("timed_text_bytes", "text with times"),
+    Column("timed_thesis_bytes", "thesis"),
+    Column("timed_archive_bytes", "archive"),
+    Column("timed_smaller", "smaller", 1),
+    Column("thesis_rmse_m", "thesis RMSE m", 3),
+    Column("archive_rmse_m", "archive RMSE m", 3),
+    Column("thesis_max_m", "thesis max m", 2),
+    Column("archive_max_m", "archive max m", 2),
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Compared:
@@ -40,33 +76,14 @@ class Compared:
 
 def pipeline_table(compared: Sequence[Compared]) -> Table:
     """Return the thesis's table: its own row above the same pipeline here, sizes without times."""
+    # The thesis's row stands above that of the log that was generated for it.
     rows: list[dict[str, Value]] = []
     for each in compared:
         if each.published is not None:
             rows.append(_published_row(each.published))
         rows.append(_pipeline_row(each))
-    return Table(
-        "",
-        "The thesis's pipeline; ratios of text sizes without times",
-        (
-            Column("log", "log"),
-            Column("data", "data"),
-            Column("points", "points"),
-            Column("coreset", "coreset"),
-            Column("k", "k"),
-            Column("m", "m"),
-            Column("nodes", "nodes"),
-            Column("edges", "edges"),
-            Column("waypoints", "waypoints"),
-            Column("bzip2", "bzip2", 1),
-            Column("semantic", "semantic", 1),
-            Column("semantic_bzip2", "semantic + bzip2", 1),
-            Column("improvement", "improvement", 1),
-            Column("rmse_m", "RMSE m", 3),
-            Column("max_m", "max m", 2),
-        ),
-        tuple(rows),
-    )
+    title = "The thesis's pipeline; ratios of text sizes without times"
+    return Table("", title, _PIPELINE_COLUMNS, tuple(rows))
 
 
 def _published_row(published: Published) -> dict[str, Value]:
@@ -110,27 +127,8 @@ def _pipeline_row(compared: Compared) -> dict[str, Value]:
 
 def archive_table(compared: Sequence[Compared]) -> Table:
     """Return bytes of both at the same RMSE, without times and with the times of all knots."""
-    rows = tuple(_archive_row(each) for each in compared)
-    return Table(
-        "archive",
-        "Bytes at the same RMSE: the thesis's text after bzip2, and the archive",
-        (
-            Column("log", "log"),
-            Column("text_bytes", "text"),
-            Column("thesis_bytes", "thesis"),
-            Column("archive_bytes", "archive"),
-            Column("smaller", "smaller", 1),
-            Column("timed_text_bytes", "text with times"),
-            Column("timed_thesis_bytes", "thesis"),
-            Column("timed_archive_bytes", "archive"),
-            Column("timed_smaller", "smaller", 1),
-            Column("thesis_rmse_m", "thesis RMSE m", 3),
-            Column("archive_rmse_m", "archive RMSE m", 3),
-            Column("thesis_max_m", "thesis max m", 2),
-            Column("archive_max_m", "archive max m", 2),
-        ),
-        rows,
-    )
+    title = "Bytes at the same RMSE: the thesis's text after bzip2, and the archive"
+    return Table("archive", title, _ARCHIVE_COLUMNS, tuple(map(_archive_row, compared)))
 
 
 def _archive_row(compared: Compared) -> dict[str, Value]:
@@ -154,6 +152,7 @@ def _archive_row(compared: Compared) -> dict[str, Value]:
 
 def stages_table(compared: Sequence[Compared]) -> Table:
     """Return CPU seconds of each stage of the thesis's pipeline, and of the archive."""
+    # The thesis states the hours of whole runs, and those of some logs only.
     rows = tuple(
         {
             "log": each.log,
@@ -163,6 +162,8 @@ def stages_table(compared: Sequence[Compared]) -> Table:
         }
         for each in compared
     )
+
+    # A column for each stage.
     return Table(
         "seconds",
         "CPU seconds here, and the hours that the thesis states",

@@ -27,7 +27,7 @@ class Setting:
     seed : int
         Seed of generated logs.
     quick : bool
-        Whether to take small logs and few settings, to try the experiment.
+        Whether to take small logs, few settings and the least effort, to try the experiment.
     """
 
     logs: tuple[Track, ...] = ()

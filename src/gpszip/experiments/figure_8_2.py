@@ -42,6 +42,7 @@ def run(setting: Setting) -> Outcome:
 
 
 def _table(results: list[ThesisResult]) -> Table:
+    # k and m, the size of the map, and the error.
     columns = (
         Column("k", "k"),
         Column("m", "m"),
@@ -50,6 +51,8 @@ def _table(results: list[ThesisResult]) -> Table:
         Column("rmse_m", "RMSE m", 2),
         Column("max_m", "max m", 2),
     )
+
+    # A row for each map.
     rows = tuple(
         {
             "k": each.mean.k,

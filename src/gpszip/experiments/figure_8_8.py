@@ -13,10 +13,10 @@ __all__ = ["run"]
 
 def run(setting: Setting) -> Outcome:
     """Draw the rows of table 8.2."""
+    # Percents of the log, here and in the thesis, and the sizes of texts.
     compared = compare_prefixes(setting)
     percents = [int(each.log.split()[0]) for each in compared]
     theirs = [10 * number for number in range(1, 11)]
-
     texts = [each.thesis.sizes for each in compared]
     logs = [each.log for each in texts]
 
@@ -38,6 +38,8 @@ def run(setting: Setting) -> Outcome:
         Curve("nodes, thesis", theirs, [row.nodes for row in TABLE_8_2], dashed=True),
         Curve("edges, thesis", theirs, [row.edges for row in TABLE_8_2], dashed=True),
     ]
+
+    # A picture of each.
     share = "share of the log in %"
     pictures = (
         Picture(

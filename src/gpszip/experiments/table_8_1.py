@@ -19,7 +19,7 @@ from gpszip.testing import patrol, person, quadrotor, taxis
 __all__ = ["LogKind", "generated_logs", "run"]
 
 #: Samples of each log of a quick run.
-_QUICK = 800
+_QUICK = 300
 
 #: Blocks of the robot's coreset, which have at most 8 samples each: about as many as in the thesis.
 _ROBOT_BLOCKS = 1_000
@@ -55,8 +55,11 @@ class LogKind:
 
 def run(setting: Setting) -> Outcome:
     """Compress the log of each row, or each track of the user."""
+    # Tracks of the user.
     if setting.logs:
-        compared = [_compare(track.id, track, setting.rmse) for track in setting.logs]
+        compared = [
+            _compare(track.id, track, setting.rmse, quick=setting.quick) for track in setting.logs
+        ]
         return Outcome(
             _tables(compared), notes=("Rows from here are of the tracks that were given.",)
         )
@@ -69,6 +72,7 @@ def run(setting: Setting) -> Outcome:
             setting.rmse or kind.published.rmse,
             None if setting.quick else kind.coreset,
             kind.published,
+            quick=setting.quick,
         )
         for kind in generated_logs(setting.seed)
     ]
@@ -119,10 +123,12 @@ def _compare(
     rmse: float | None,
     coreset: int | None = None,
     published: Published | None = None,
+    *,
+    quick: bool,
 ) -> Compared:
     """Compress a track both ways, the archive at the RMSE that the thesis's pipeline reached."""
     thesis = run_thesis(track, rmse, coreset=coreset)
-    return Compared(name, thesis, run_archive([track], thesis.rmse), published)
+    return Compared(name, thesis, run_archive([track], thesis.rmse, quick=quick), published)
 
 
 def _tables(compared: Sequence[Compared]) -> tuple[Table, ...]:

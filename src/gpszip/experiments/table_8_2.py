@@ -18,7 +18,7 @@ __all__ = ["compare_prefixes", "robot_log", "run"]
 _RMSE = 0.2
 
 #: Samples of the robot's log of a quick run.
-_QUICK = 8_000
+_QUICK = 2_000
 
 #: Tenths of the log that are compressed.
 _TENTHS = tuple(range(1, 11))
@@ -49,7 +49,7 @@ def compare_prefixes(setting: Setting) -> tuple[Compared, ...]:
     for tenth in _QUICK_TENTHS if setting.quick else _TENTHS:
         part = first_samples(track, max(len(track) * tenth // 10, 2))
         thesis = run_thesis(part, rmse)
-        archive = run_archive([part], thesis.rmse)
+        archive = run_archive([part], thesis.rmse, quick=setting.quick)
         compared.append(Compared(f"{10 * tenth} %", thesis, archive, TABLE_8_2[tenth - 1]))
     return tuple(compared)
 

@@ -22,7 +22,7 @@ from gpszip.pipeline.bounds import describe_bound
 from gpszip.pipeline.compress import compress
 from gpszip.pipeline.job import Job, choose_slices, prepare
 from gpszip.pipeline.kept_columns import extended_sections
-from gpszip.pipeline.validate import on_plane_of
+from gpszip.pipeline.validate import as_log, on_plane_of
 from gpszip.run import Threads
 
 __all__ = ["Estimate", "estimate", "extrapolate"]
@@ -116,6 +116,8 @@ def estimate(
 
     Raises
     ------
+    InputError
+        If a number is too far from zero.
     OptionError
         If log and options don't go together.
     BoundError
@@ -131,7 +133,7 @@ def estimate(
     """
     # The bound, the gaps and the kept columns are those of the whole log.
     start = time.process_time()
-    job = _prepare(log, options or Options(), memory, map, extended)
+    job = _prepare(as_log(log), options or Options(), memory, map, extended)
     preparing = time.process_time() - start
 
     # Without a bound on the error there is nothing to compress a part for.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gpszip.model import SegmentMean, Track
+from gpszip.pipeline.validate import check_tracks
 from gpszip.run.executor import Executor
 
 __all__ = ["segment_mean"]
@@ -29,6 +30,7 @@ def segment_mean(
     from gpszip.segmentation.em import segment_mean as with_both
     from gpszip.segmentation.search import find_parameters
 
+    check_tracks(track)
     executor = None if executor is None else resolve_executor(executor)
     if k is not None and m is not None:
         return with_both(track, k, m, executor=executor)

@@ -1,7 +1,6 @@
 """Frames of archives, logs and tracks have the rows that commands write, and are read back."""
 
 import csv
-import subprocess
 import sys
 import warnings
 from datetime import UTC, datetime
@@ -13,6 +12,7 @@ from hypothesis import given
 
 import gpszip
 from frames import package
+from gpszip.cli.main import main
 from gpszip.errors import MissingExtraError, OptionError, UnknownTrackError
 from gpszip.geo.planes import choose_plane
 from gpszip.testing.strategies import tracks
@@ -60,17 +60,8 @@ SELECTIONS = {
 @pytest.mark.parametrize("options", SELECTIONS, ids=" ".join)
 def test_a_table_has_the_rows_that_decompress_writes(archive, tmp_path, options):
     archive.save(tmp_path / "fleet.gpsz")
-    command = [
-        sys.executable,
-        "-m",
-        "gpszip",
-        "decompress",
-        "fleet.gpsz",
-        "-o",
-        "log.csv",
-        *options,
-    ]
-    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    paths = [str(tmp_path / name) for name in ("fleet.gpsz", "log.csv")]
+    assert main(["decompress", paths[0], "-o", paths[1], *options]) == 0
     with (tmp_path / "log.csv").open(newline="") as file:
         written = list(csv.DictReader(file))
 

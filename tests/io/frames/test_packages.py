@@ -85,7 +85,7 @@ def test_polars():
             )
         )
     )
-    with pytest.raises(InputError, match="Series: can't be read"):
+    with pytest.raises(InputError, match="Series: is one column, not a table"):
         gpszip.read(frame["lat"])
 
 

@@ -175,7 +175,7 @@ def test_several_frames_are_one_log():
         ({"x": [0, 1], "y": [0, 1]}, "no time; columns found: x, y"),
         ({"t": [0, 1], "x": [[0], [1]], "y": [0, 1]}, "column 'x' holds list"),
         (pa.table([[0], [1], [2]], ["t", "x", "x"]), "2 columns are named 'x'"),
-        (pa.chunked_array([[1.0]]), "can't be read"),
+        (pa.chunked_array([[1.0]]), "is one column, not a table"),
         (np.zeros((2, 2), [("t", float), ("x", float), ("y", float)]), "has 2 axes, not 1"),
     ],
 )
@@ -391,6 +391,12 @@ def test_geoparquet_without_a_system_is_in_degrees():
     assert tracks_of(gpszip.read(plain)) == tracks_of(gpszip.read(columns()))
 
 
+def test_metadata_that_names_no_column_as_primary_is_left():
+    geo = {"primary_column": ["where"], "columns": {"where": {"encoding": "WKB"}}}
+    table = with_geometry(POINTS).replace_schema_metadata({"geo": json.dumps(geo)})
+    assert tracks_of(gpszip.read(table)) == tracks_of(gpszip.read(columns()))
+
+
 def line(*points, kind=2):
     flat = np.array(points, "<f8")
     return struct.pack("<BII", 1, kind, len(points)) + flat.tobytes()
@@ -440,8 +446,13 @@ def test_empty_lines_are_dropped():
     assert [(repair.what, repair.count) for repair in result.repairs] == [
         ("rows without a line dropped", 1)
     ]
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match="column 'where' holds no line"):
         gpszip.read(with_geometry([struct.pack("<BII", 1, 2, 0)]))
+
+
+def test_a_column_of_empty_points_is_named():
+    with pytest.raises(InputError, match="column 'where' holds no point"):
+        gpszip.read(with_geometry([None, wkb((np.nan, np.nan))]))
 
 
 def test_native_lines_are_shapes():

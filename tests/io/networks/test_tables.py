@@ -43,6 +43,9 @@ def test_geoparquet_has_directions_and_names(tmp_path):
         ({"way": [struct.pack("<BIdd", 1, 1, 11, 48)]}, GEO % "", "no line that can be read"),
         ({"way": LINES}, GEO.replace("WKB", "polygon") % "", "holds geometries as polygon"),
         ({"way": LINES}, GEO % ', "crs": "EPSG:1"', "unknown coordinate system"),
+        # Headers that say more or fewer vertices than follow.
+        ({"way": [struct.pack("<BII", 1, 2, 2**32 - 1)]}, GEO % "", "can't be read"),
+        ({"way": [struct.pack("<BII4d", 1, 2, n, 1, 2, 3, 4) for n in (3, 1)]}, GEO % "", "buffer"),
     ],
 )
 def test_other_parquet_files_are_refused(tmp_path, columns, metadata, message):
@@ -67,6 +70,21 @@ def test_csv_of_well_known_text(tmp_path):
     network = read_network(tmp_path / "roads.csv")
     assert len(network.starts) == 2
     assert network.backward.tolist() == [False, True]
+
+
+def test_a_line_of_csv_may_be_longer_than_a_block_of_arrow(tmp_path):
+    vertices = ", ".join(f"{i} {i}" for i in range(100_000))
+    (tmp_path / "roads.csv").write_text(f'line\n"LINESTRING ({vertices})"\n')
+    network = read_network(tmp_path / "roads.csv")
+    assert len(network.starts) == 1
+
+
+def test_columns_of_one_name_are_refused_if_they_are_used(tmp_path):
+    (tmp_path / "roads.csv").write_text("u_x,u_x,u_y,v_x,v_y\n0,0,0,1,1\n")
+    with pytest.raises(InputError, match="2 columns are named 'u_x'"):
+        read_network(tmp_path / "roads.csv")
+    (tmp_path / "roads.csv").write_text("note,note,u_x,u_y,v_x,v_y\na,b,0,0,1,1\n")
+    assert len(read_network(tmp_path / "roads.csv").starts) == 1
 
 
 def test_csv_of_ends(tmp_path):

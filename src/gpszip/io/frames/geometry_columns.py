@@ -116,7 +116,8 @@ def _geoparquet_columns(schema: Any) -> tuple[str | None, dict[str, tuple[str, s
         for name, column in columns.items()
         if isinstance(column, Mapping) and name in schema.names
     }
-    return parsed.get("primary_column"), found
+    primary = parsed.get("primary_column")
+    return primary if isinstance(primary, str) else None, found
 
 
 def _parse_json(text: bytes) -> dict[str, Any]:

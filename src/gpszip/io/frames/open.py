@@ -210,6 +210,14 @@ def _read_variable(variable: Any, rows: int, name: str, where: str) -> Any:
         return to_arrow(np.broadcast_to(variable.values, (rows,)), name, where)
 
 
+def _refuse_column(_column: Any, where: str) -> FrameColumns:
+    raise InputError(
+        "is one column, not a table",
+        path=where,
+        remedy="give the table that has its times and positions",
+    )
+
+
 #: How frames of a class are opened. A subclass, such as GeoDataFrame, is opened as its base.
 _OPENERS: dict[tuple[str, str], Callable[[Any, str], FrameColumns]] = {
     ("movingpandas", "Trajectory"): lambda frame, where: _open_trajectories([frame], where),
@@ -217,6 +225,9 @@ _OPENERS: dict[tuple[str, str], Callable[[Any, str], FrameColumns]] = {
         lambda frame, where: _open_trajectories(frame.trajectories, where)
     ),
     ("pandas", "DataFrame"): _open_pandas,
+    ("pandas", "Series"): _refuse_column,
+    ("polars", "Series"): _refuse_column,
+    ("pyarrow", "ChunkedArray"): _refuse_column,
     ("polars", "LazyFrame"): lambda frame, where: stream_columns(frame.collect(), where),
     ("xarray", "Dataset"): _open_dataset,
     ("numpy", "ndarray"): _open_structured,

@@ -152,6 +152,8 @@ def read_frame(source: FrameSource, request: Request) -> RawLog:
     plan = _complete_plan(plan, geometries, request)
     if plan.has_lines:
         return _read_shapes(plan, table)
+    if geometries is not None and not np.isfinite(geometries.points[:, :2]).all(axis=1).any():
+        raise _no_geometry(plan, "point")
     raw = build_raw_log(
         plan.used_columns(table, geometries),
         plan.names,
@@ -317,6 +319,16 @@ def _roles_of_geometry(
     return all_names, find_requested_roles(all_names, stated, where)
 
 
+def _no_geometry(plan: _Plan, kind: str) -> InputError:
+    """Return the error for a column of geometries that are all empty."""
+    assert plan.geometry is not None
+    return InputError(
+        f"column {plan.names[plan.geometry.number]!r} holds no {kind}: all are empty",
+        path=plan.where,
+        remedy="name the right column of geometries, or columns with the positions",
+    )
+
+
 # Lines
 
 
@@ -331,6 +343,8 @@ def _read_shapes(plan: _Plan, table: Any) -> RawLog:
 
     # Names of the lines that have a vertex: null and empty geometries have none.
     has_vertices = np.diff(lines.offsets) > 0
+    if not has_vertices.any():
+        raise _no_geometry(plan, "line")
     rows, counts = lines.rows[has_vertices], np.diff(lines.offsets)[has_vertices]
     names = _line_names(plan, table, rows)
     lost = lines.others + int((~has_vertices).sum())

@@ -27,6 +27,12 @@ __all__ = ["is_road_table", "read_csv_lines", "read_parquet_lines"]
 #: Features that are read at a time.
 _BATCH_FEATURES = 65_536
 
+#: Bytes of a block of CSV at least, which is what Arrow takes by default.
+_MIN_BLOCK = 1 << 20
+
+#: Bytes of a block of CSV at most: Arrow counts them with 32 bits.
+_MAX_BLOCK = (1 << 31) - 1
+
 #: Letters of an error message of Arrow that are shown.
 _MAX_REASON_LETTERS = 160
 
@@ -84,12 +90,22 @@ def _read_parquet(source: Source, metric: bool | None) -> RoadLines:
         column, roles = names[geometry.number], find_columns(names)
         features = RoadFeatures()
         used = list({column, *roles.values()})
+        _check_names(names, used, source.name)
         for batch in file.iter_batches(_BATCH_FEATURES, columns=used):
             batch.validate(full=True)  # finds texts that aren't UTF-8, for instance
             lines = read_lines(batch.column(column), geometry.encoding, source.name, column)
             columns = {role: batch.column(name) for role, name in roles.items()}
             features.add(lines, batch.num_rows, columns)
     return road_lines(features, geometry.crs, source.name, metric=metric)
+
+
+def _check_names(names: Sequence[str], used: Sequence[str], where: str) -> None:
+    """Refuse a table in which two columns have the name of one that is used."""
+    for name in used:
+        if names.count(name) > 1:
+            raise InputError(
+                f"{names.count(name)} columns are named {name!r}", path=where, remedy="rename them"
+            )
 
 
 # CSV
@@ -158,20 +174,23 @@ def read_csv_lines(source: Source, *, metric: bool | None = None) -> RoadLines:
     """
     # Cells stay texts, except for the ends.
     names = _header(source.head())
-    where = _find_road_columns(names)
+    where, roles = _find_road_columns(names), find_columns(names)
+    used = [*where.ends, *roles.values(), *([] if where.wkt is None else [where.wkt])]
+    _check_names(names, used, source.name)
     types = {name: pa.string() for name in names} | dict.fromkeys(where.ends, pa.float64())
     try:
         options = pc.ConvertOptions(column_types=types, strings_can_be_null=True)
-        table = pc.read_csv(pa.BufferReader(source.read()), convert_options=options)
+        # Arrow reads no row longer than a block, and one line may have a million vertices.
+        data = source.read()
+        reading = pc.ReadOptions(block_size=min(max(len(data), _MIN_BLOCK), _MAX_BLOCK))
+        table = pc.read_csv(pa.BufferReader(data), reading, convert_options=options)
     except (pa.ArrowException, UnicodeDecodeError) as error:
         reason = " ".join(str(error).split())[:_MAX_REASON_LETTERS]
         raise InputError(f"can't be read as lines: {reason}", path=source.name) from error
 
     # Lines, and the columns with a role.
     features = RoadFeatures()
-    columns = {
-        role: table.column(name).combine_chunks() for role, name in find_columns(names).items()
-    }
+    columns = {role: table.column(name).combine_chunks() for role, name in roles.items()}
     features.add(_table_lines(table, where), table.num_rows, columns)
     return road_lines(features, where.crs, source.name, metric=metric)
 

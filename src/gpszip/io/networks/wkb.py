@@ -17,6 +17,9 @@ __all__ = ["WkbLines", "WkbPoints", "parse_wkb_lines", "parse_wkb_points", "pars
 #: Bytes before the points of a line: byte order (1), type (4), number of points (4).
 _HEADER_BYTES = 9
 
+#: Bytes of a vertex with two coordinates.
+_VERTEX_BYTES = 16
+
 #: Bytes before the coordinates of a point: byte order (1), type (4).
 _POINT_HEADER_BYTES = 5
 
@@ -155,6 +158,11 @@ def parse_wkb_lines(geometries: Any) -> WkbLines:
     -------
     WkbLines
 
+    Raises
+    ------
+    ValueError, IndexError, struct.error
+        If a geometry has fewer bytes than its header says.
+
     Examples
     --------
     >>> text = "0102000000020000000000000000000000000000000000000000000000000008400000000000001040"
@@ -168,8 +176,11 @@ def parse_wkb_lines(geometries: Any) -> WkbLines:
         # Shape (n, 9): the header of each geometry.
         headers = data[starts[:-1, None] + np.arange(_HEADER_BYTES)]
         types = headers[:, 1:5].copy().view("<u4")
-        if (headers[:, 0] == 1).all() and (types == _LINE_STRING).all():
-            return _parse_plain_lines(starts, data, headers)
+        counts = headers[:, 5:9].copy().view("<u4")[:, 0].astype(np.int64)
+        is_plain = (headers[:, 0] == 1) & (types[:, 0] == _LINE_STRING)
+        # A damaged line has fewer bytes than its header says.
+        if (is_plain & (sizes == _HEADER_BYTES + _VERTEX_BYTES * counts)).all():
+            return _parse_plain_lines(starts, data, counts)
     return _parse_mixed(geometries)
 
 
@@ -183,11 +194,9 @@ def _buffers(geometries: Any) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
 
 
 def _parse_plain_lines(
-    starts: NDArray[np.int64], data: NDArray[np.uint8], headers: NDArray[np.uint8]
+    starts: NDArray[np.int64], data: NDArray[np.uint8], counts: NDArray[np.int64]
 ) -> WkbLines:
     """Parse LineStrings with two coordinates: all bytes outside of headers are coordinates."""
-    counts = headers[:, 5:9].copy().view("<u4")[:, 0].astype(np.int64)
-
     # Drop the header of each line; the doubles of all vertices then follow each other.
     first, last = int(starts[0]), int(starts[-1])
     is_coordinate = np.ones(last - first, np.bool_)
