@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import gpszip as package
+from batches import force_batches
 
 START = 1_714_557_600
 
@@ -100,6 +101,47 @@ def test_info_verify_and_select(gpszip, archive, ride, tmp_path):
     times = START + np.arange(181.0, 240.0)
     assert part.curve("ride", "ele", times).tolist() == archive.curve("ride", "ele", times).tolist()
     assert len(part._curve_columns["ele"].knots[0]) < len(archive._curve_columns["ele"].knots[0])
+
+
+def test_split_gives_each_part_its_knots(gpszip, archive, tmp_path):
+    done = gpszip("split ride.gpsz --by 2min -o parts")
+    assert done.code == 0, done.err
+    parts = sorted((tmp_path / "parts").glob("*.gpsz"))
+    assert len(parts) == 3
+    times = START + np.arange(300.0)
+    for column in ("ele", "hr"):
+        expected = archive.curve("ride", column, times)
+        for part in map(package.open, parts):
+            is_inside = ~np.isnan(part.position("ride", times)[:, 0])
+            assert is_inside.sum() >= 59
+            found = part.curve("ride", column, times)[is_inside]
+            assert found.tolist() == pytest.approx(expected[is_inside].tolist(), nan_ok=True)
+
+    # Two knots more at each end of a part.
+    counts = [len(package.open(part)._curve_columns["hr"].knots[0]) for part in parts]
+    assert sum(counts) <= len(archive._curve_columns["hr"].knots[0]) + 4 * len(parts)
+
+
+def test_recover_keeps_them(gpszip, archive, tmp_path):
+    done = gpszip("recover ride.gpsz -o saved.gpsz")
+    assert done.code == 0, done.err
+    saved, times = package.open(tmp_path / "saved.gpsz"), START + np.arange(300.0)
+    assert np.array_equal(
+        saved.curve("ride", "ele", times), archive.curve("ride", "ele", times), equal_nan=True
+    )
+
+
+def test_logs_larger_than_memory_are_refused(gpszip, ride, monkeypatch):
+    force_batches(monkeypatch, batch=100, subsample=100)
+    done = gpszip("compress ride.gpx -o no.gpsz --max-error 5m --keep ele:1m --memory 420MiB")
+    assert done.code == 2
+    assert "only of logs that fit the memory; keep them exactly, such as --keep ele" in done.err
+
+
+def test_times_in_another_unit_are_refused(archive):
+    with pytest.raises(package.OptionError, match="no track has such times"):
+        archive.curve("ride", "ele", 1000 * (START + np.arange(3)))
+    assert np.isnan(archive.curve("ride", "ele", START + 1000))
 
 
 def test_what_cannot_keep_them_says_so(gpszip, archive):

@@ -59,7 +59,7 @@ def test_few_vertices_are_compared_exactly_with_many():
     assert found.within == pytest.approx(1e-4)
 
     # Plain: distances of dense points of each line from all segments of the other.
-    (dense_p, step_p), (dense_q, _) = densify(p, 4000), densify(q, 2)
+    (dense_p, step_p), (dense_q, _) = densify(p, 1000), densify(q, 2)
     there, back = far_from_segments(dense_p, q), far_from_segments(dense_q, p)
     assert found.hausdorff == pytest.approx(max(there, back), abs=step_p / 2 + 1e-3)
 
@@ -71,9 +71,12 @@ def test_boxes_leave_out_no_nearest_segment(points, line):
 
 
 def test_lines_with_enormous_coordinates_are_compared():
-    p = np.array([[0.0, 0.0], [3.7e17, 1e15], [0.0, 1e17]])
-    found = polyline_distances(p, p[::-1] * 1.01)
-    assert 0 < found.hausdorff <= found.frechet <= found.discrete_frechet
+    # Numbers this large lie metres apart, so that no bisection comes to 0.1 mm.
+    p = 1e16 * np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
+    q = 1e16 * np.array([[0.0, 0.0], [7.0, 1.0], [3.0, -1.0], [10.0, 9.0], [1.0, 11.0]])
+    found = polyline_distances(p, q)
+    near = polyline_distances(p / 1e16, q / 1e16)
+    assert found.frechet / 1e16 == pytest.approx(near.frechet, abs=near.within)
 
 
 @given(lines(3, 12), st.integers(2, 5))
