@@ -161,6 +161,7 @@ def test_mistakes(gpszip, ride):
     for keep, words in (
         ("ele:1x", "no unit of length"),
         ("ele:0", "greater than 0"),
+        ("ele:-1", "greater than 0"),
         ("ele,ele:1", "kept twice"),
         ("lat:1", "no 'lat' to keep"),
     ):
@@ -169,6 +170,17 @@ def test_mistakes(gpszip, ride):
         assert words in done.err, keep
     with pytest.raises(package.OptionError, match="no column 'ele'"):
         package.compress("ride.gpx", max_error=5, effort=1).curve("ride", "ele", START)
+
+
+def test_infinite_values_are_counted(gpszip, tmp_path):
+    heights = ["inf" if i in {3, 40} else "" if i == 9 else i % 5 for i in range(60)]
+    rows = [f"{i},{i},0,{height}\n" for i, height in enumerate(heights)]
+    (tmp_path / "a.csv").write_text("t,x,y,ele\n" + "".join(rows))
+    done = gpszip("compress a.csv -o a.gpsz --max-error 1m --effort 1 --keep ele:1")
+    assert done.code == 0, done.err
+    assert "B, 2 infinite values left out" in done.err
+    found = package.open(tmp_path / "a.gpsz").curve("0", "ele", np.arange(60))
+    assert np.flatnonzero(np.isnan(found)).tolist() == [3, 9, 40]
 
 
 def test_from_python(ride, tmp_path, monkeypatch):

@@ -2,6 +2,8 @@
 
 import gzip
 import io
+import os
+import sys
 import zipfile
 
 import pytest
@@ -75,6 +77,28 @@ def test_gzip_files_are_kept_unpacked(gpszip, log, tmp_path):
     assert gpszip("diff --exact a.gpsz walk.csv.gz walk.csv").code == 0
     assert gpszip("decompress a.gpsz --exact -o b").code == 0
     assert (tmp_path / "b").read_bytes() == log.read_bytes()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
+@pytest.mark.parametrize(
+    ("file_name", "kept"),
+    [
+        ("wälk ☃.csv", "wälk ☃.csv"),
+        ("a\nb.csv", "a_nb.csv"),
+        ("a\\b.csv", "a_b.csv"),
+        (os.fsdecode(b"odd\xff.csv"), "odd_xff.csv"),
+    ],
+)
+def test_names_with_odd_letters_come_back(gpszip, log, tmp_path, file_name, kept):
+    data = log.read_bytes()
+    log.rename(tmp_path / file_name)
+    done = gpszip("compress --lossless --effort 1 -o a.gpsz", file_name)
+    assert done.code == 0, done.err
+    assert gpszip("info a.gpsz --json").json["exact_logs"] == [kept]
+    assert gpszip("diff --exact a.gpsz", file_name).code == 0
+    (tmp_path / "back").mkdir()
+    assert gpszip("decompress a.gpsz --exact -o back").code == 0
+    assert (tmp_path / "back" / kept).read_bytes() == data
 
 
 def test_standard_input_is_kept(gpszip, shell, log, tmp_path):
