@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import gpszip as package
+from batches import force_batches
 
 START = 1_714_557_600
 
@@ -102,6 +103,47 @@ def test_info_verify_and_select(gpszip, archive, ride, tmp_path):
     assert len(part._curve_columns["ele"].knots[0]) < len(archive._curve_columns["ele"].knots[0])
 
 
+def test_split_gives_each_part_its_knots(gpszip, archive, tmp_path):
+    done = gpszip("split ride.gpsz --by 2min -o parts")
+    assert done.code == 0, done.err
+    parts = sorted((tmp_path / "parts").glob("*.gpsz"))
+    assert len(parts) == 3
+    times = START + np.arange(300.0)
+    for column in ("ele", "hr"):
+        expected = archive.curve("ride", column, times)
+        for part in map(package.open, parts):
+            is_inside = ~np.isnan(part.position("ride", times)[:, 0])
+            assert is_inside.sum() >= 59
+            found = part.curve("ride", column, times)[is_inside]
+            assert found.tolist() == pytest.approx(expected[is_inside].tolist(), nan_ok=True)
+
+    # Two knots more at each end of a part.
+    counts = [len(package.open(part)._curve_columns["hr"].knots[0]) for part in parts]
+    assert sum(counts) <= len(archive._curve_columns["hr"].knots[0]) + 4 * len(parts)
+
+
+def test_recover_keeps_them(gpszip, archive, tmp_path):
+    done = gpszip("recover ride.gpsz -o saved.gpsz")
+    assert done.code == 0, done.err
+    saved, times = package.open(tmp_path / "saved.gpsz"), START + np.arange(300.0)
+    assert np.array_equal(
+        saved.curve("ride", "ele", times), archive.curve("ride", "ele", times), equal_nan=True
+    )
+
+
+def test_logs_larger_than_memory_are_refused(gpszip, ride, monkeypatch):
+    force_batches(monkeypatch, batch=100, subsample=100)
+    done = gpszip("compress ride.gpx -o no.gpsz --max-error 5m --keep ele:1m --memory 420MiB")
+    assert done.code == 2
+    assert "only of logs that fit the memory; keep them exactly, such as --keep ele" in done.err
+
+
+def test_times_in_another_unit_are_refused(archive):
+    with pytest.raises(package.OptionError, match="no track has such times"):
+        archive.curve("ride", "ele", 1000 * (START + np.arange(3)))
+    assert np.isnan(archive.curve("ride", "ele", START + 1000))
+
+
 def test_what_cannot_keep_them_says_so(gpszip, archive):
     assert gpszip("select ride.gpsz -o part.gpsz --until 2024-05-01T10:02:00Z").code == 0
     joined = gpszip("join part.gpsz ride.gpsz -o all.gpsz")
@@ -119,6 +161,7 @@ def test_mistakes(gpszip, ride):
     for keep, words in (
         ("ele:1x", "no unit of length"),
         ("ele:0", "greater than 0"),
+        ("ele:-1", "greater than 0"),
         ("ele,ele:1", "kept twice"),
         ("lat:1", "no 'lat' to keep"),
     ):
@@ -127,6 +170,17 @@ def test_mistakes(gpszip, ride):
         assert words in done.err, keep
     with pytest.raises(package.OptionError, match="no column 'ele'"):
         package.compress("ride.gpx", max_error=5, effort=1).curve("ride", "ele", START)
+
+
+def test_infinite_values_are_counted(gpszip, tmp_path):
+    heights = ["inf" if i in {3, 40} else "" if i == 9 else i % 5 for i in range(60)]
+    rows = [f"{i},{i},0,{height}\n" for i, height in enumerate(heights)]
+    (tmp_path / "a.csv").write_text("t,x,y,ele\n" + "".join(rows))
+    done = gpszip("compress a.csv -o a.gpsz --max-error 1m --effort 1 --keep ele:1")
+    assert done.code == 0, done.err
+    assert "B, 2 infinite values left out" in done.err
+    found = package.open(tmp_path / "a.gpsz").curve("0", "ele", np.arange(60))
+    assert np.flatnonzero(np.isnan(found)).tolist() == [3, 9, 40]
 
 
 def test_from_python(ride, tmp_path, monkeypatch):

@@ -1,9 +1,14 @@
 """gpszip diff, as a user runs it."""
 
+import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+
+from gpszip.cli.diff import _describe_alone
+from gpszip.pipeline.diff import Curve, Side, diff
 
 
 @pytest.fixture
@@ -19,17 +24,41 @@ def logs(tmp_path):
     return tmp_path
 
 
-def test_archive_against_its_log(shell, logs):
-    assert shell("compress a.csv -o a.gpsz --max-error 2m --effort 1").returncode == 0
-    done = shell("diff a.gpsz a.csv --json")
-    assert done.returncode == 0, done.stderr
-    facts = json.loads(done.stdout)
+def test_archive_against_its_log(gpszip, shell, logs, monkeypatch):
+    assert gpszip("compress a.csv -o a.gpsz --max-error 2m --effort 1").code == 0
+    facts = gpszip("diff a.gpsz a.csv --json").json
     assert facts["total"]["maximum"] <= 2
     assert [track["id"] for track in facts["tracks"]] == ["bus 1", "bus 2"]
+
     # standard input is known by its content
-    for first, data in (("a.gpsz", "a.csv"), ("a.csv", "a.gpsz")):
-        piped = shell(f"diff {first} - --json", data=(logs / data).read_bytes())
-        assert json.loads(piped.stdout)["total"]["rmse"] == facts["total"]["rmse"]
+    piped = shell("diff a.gpsz - --json", data=(logs / "a.csv").read_bytes())
+    assert json.loads(piped.stdout)["total"]["rmse"] == facts["total"]["rmse"]
+    given = io.TextIOWrapper(io.BytesIO((logs / "a.gpsz").read_bytes()))
+    monkeypatch.setattr("sys.stdin", given)
+    assert gpszip("diff a.csv - --json").json["total"]["rmse"] == facts["total"]["rmse"]
+
+
+def test_ranges_of_one_alone_are_told_in_words(gpszip, tmp_path):
+    rows = [f"{t},{t},0\n" for t in range(100)]
+    (tmp_path / "all.csv").write_text("t,x,y\n" + "".join(rows))
+    (tmp_path / "part.csv").write_text("t,x,y\n" + "".join(rows[10:60] + rows[70:]))
+    lines = gpszip("diff all.csv part.csv --gap 5s").out.splitlines()
+    assert lines[2:] == [
+        "0: only all.csv travels in 2 time ranges, 21 s in all",
+        "0: at 20 samples of all.csv, part.csv has no position",
+    ]
+
+
+def test_an_archive_that_begins_before_its_log_says_why(gpszip, tmp_path):
+    side = Side({}, None, 2, sampled=False, time_step=0.25)
+    first = Curve("a", np.array([0.0, 9.2]), np.zeros((2, 2)), np.array([False]), timed=True)
+    second = Curve("a", np.array([0.0, 9.0]), np.zeros((2, 2)), np.array([False]), timed=True)
+    archive, log = replace(side, curves={"a": first}), replace(side, curves={"a": second})
+    found = diff(archive, log).tracks[0]
+    (line,) = _describe_alone(found, ("a.gpsz", "a.csv"), archive.time_step)
+    assert line == (
+        "a: only a.gpsz travels in 1 time range, 0.2 s in all; archives round times, here to 0.25 s"
+    )
 
 
 def test_table_and_worst_places(gpszip, logs):

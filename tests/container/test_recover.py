@@ -5,6 +5,7 @@ import pytest
 
 from gpszip.container.catalog import open_catalog
 from gpszip.container.contents import Section
+from gpszip.container.layout import SectionKind
 from gpszip.container.reader import from_bytes
 from gpszip.container.recover import recover, recover_bytes
 from gpszip.container.verify import verify, verify_bytes
@@ -45,8 +46,16 @@ def test_other_groups_are_saved(number):
     assert from_bytes(to_bytes(saved.contents)) == saved.contents
 
 
-def test_kept_columns_are_lost_with_any_track():
-    extras = (Section(5, b"columns"), Section(77, b"of later"))
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        (SectionKind.ATTRIBUTES, "kept columns and times of samples, as"),
+        (SectionKind.CODED_ATTRIBUTES, "kept columns and times of samples, as"),
+        (SectionKind.CURVES, "columns kept within an error, as"),
+    ],
+)
+def test_kept_columns_are_lost_with_any_track(kind, said):
+    extras = (Section(kind, b"columns"), Section(77, b"of later"))
     data = bytearray(to_bytes(replace(ORIGINAL, extras=extras)))
     assert recover_bytes(bytes(data)).contents.extras == extras
     data[
@@ -54,7 +63,14 @@ def test_kept_columns_are_lost_with_any_track():
     ] ^= 0xFF
     saved = recover_bytes(bytes(data))
     assert saved.contents.extras == extras[1:]
-    assert any("kept columns" in sentence for sentence in saved.lost)
+    assert any(sentence.startswith(said) for sentence in saved.lost)
+
+
+@pytest.mark.parametrize("kind", [SectionKind.ATTRIBUTES, SectionKind.CURVES])
+def test_kept_columns_are_saved_with_all_tracks(kind):
+    extras = (Section(kind, b"columns"),)
+    data = to_bytes(replace(ORIGINAL, extras=extras))
+    assert recover_bytes(data[:-1]).contents.extras == extras
 
 
 @pytest.mark.parametrize("maximum", [True, False])

@@ -1,5 +1,7 @@
 """Kept columns by the coder of lossless columns."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -83,7 +85,7 @@ def test_small_sections_stay_as_they_are():
 
 
 def test_archives_hold_coded_columns(tmp_path):
-    columns = drive()
+    columns = drive(1000)
     positions = np.column_stack([columns.times, np.zeros(len(columns.times))])
     track = gpszip.Track("a", columns.times, positions, attributes=columns.columns)
     archive = gpszip.compress(track, rmse=1, keep=["speed"], effort=1)
@@ -109,12 +111,10 @@ def test_archives_hold_coded_columns(tmp_path):
 
 
 def test_two_sections_of_columns_are_refused():
-    columns = drive()
+    columns = drive(1000)
     positions = np.column_stack([columns.times, np.zeros(len(columns.times))])
     track = gpszip.Track("a", columns.times, positions, attributes=columns.columns)
     archive = gpszip.compress(track, rmse=1, keep=["speed"], effort=1)
-    from dataclasses import replace
-
     twice = replace(archive, contents=replace(archive.contents, extras=2 * archive.contents.extras))
     with pytest.raises(CorruptArchiveError, match="two sections of kept columns"):
         twice.attributes("a")

@@ -28,3 +28,15 @@ def densify(vertices, parts):
     where = np.linspace(0, len(vertices) - 1, parts * (len(vertices) - 1) + 1)
     points = np.stack([np.interp(where, np.arange(len(vertices)), c) for c in vertices.T], axis=1)
     return points, np.linalg.norm(np.diff(points, axis=0), axis=1).max()
+
+
+def far_from_segments(points, vertices):
+    """Largest distance of a point from the segments between successive vertices."""
+    start, chord = vertices[:-1], np.diff(vertices, axis=0)
+    length = np.maximum((chord**2).sum(axis=1), 1e-300)
+    farthest = 0.0
+    for point in points:
+        along = np.clip(((point - start) * chord).sum(axis=1) / length, 0, 1)
+        nearest = np.linalg.norm(start + along[:, None] * chord - point, axis=1).min()
+        farthest = max(farthest, float(nearest))
+    return farthest

@@ -7,7 +7,7 @@ import gpszip
 from gpszip.errors import OptionError
 from gpszip.geo.planes import choose_plane, reproject_track, to_plane
 from gpszip.model import Track
-from gpszip.pipeline.diff import diff, side_of_archive, side_of_log
+from gpszip.pipeline.diff import Curve, Side, diff, side_of_archive, side_of_log
 
 
 def walk(id="walk", n=40, seed=0, shift=(0.0, 0.0)):
@@ -35,14 +35,37 @@ def test_log_against_archive_is_what_compress_measures():
     assert back.tracks[0].lengths == found.tracks[0].lengths[::-1]
 
 
+def knots(seed, n, shift):
+    """A walk as a side, with knots at any times from 0 to 39."""
+    rng = np.random.default_rng(seed)
+    times = np.array([0.0, *np.sort(rng.uniform(0, 39, n)), 39.0])
+    positions = np.cumsum(rng.normal(size=(n + 2, 2)), axis=0) + shift
+    curve = Curve("walk", times, positions, np.zeros(n + 1, np.bool_), timed=True)
+    return Side({"walk": curve}, None, 2, sampled=False)
+
+
 @settings(deadline=None, max_examples=30)
-@given(st.integers(0, 10_000))
-def test_archives_are_compared_over_all_time(seed):
-    first, second = coarse(walk(seed=seed), 3.0), coarse(walk(seed=seed, shift=(0.5, 0)), 0.5)
-    found = diff(side_of_archive(first), side_of_archive(second)).tracks[0]
-    # The plain twin: many times, each counting alike.
-    times = np.linspace(0.01, 38.99, 50_001)
-    far = np.linalg.norm(first.position("walk", times) - second.position("walk", times), axis=1)
+@given(st.integers(0, 10_000), st.integers(0, 40), st.integers(0, 40))
+def test_archives_are_compared_over_all_time(seed, n, m):
+    first, second = knots(seed, n, 0.0), knots(seed + 1, m, 0.5)
+    assert_over_all_time(
+        first, second, first.curves["walk"].at(TIMES) - second.curves["walk"].at(TIMES)
+    )
+
+
+def test_walks_of_archives_are_compared_over_all_time():
+    first, second = coarse(walk(), 3.0), coarse(walk(shift=(0.5, 0)), 0.5)
+    difference = first.position("walk", TIMES) - second.position("walk", TIMES)
+    assert_over_all_time(side_of_archive(first), side_of_archive(second), difference)
+
+
+#: The plain twin: many times, each counting alike.
+TIMES = np.linspace(0.001, 38.999, 50_001)
+
+
+def assert_over_all_time(first, second, difference):
+    found = diff(first, second).tracks[0]
+    far = np.linalg.norm(difference, axis=1)
     assert found.compared_at == "knots"
     assert found.distances.mean == pytest.approx(far.mean(), rel=5e-3)
     assert found.distances.rmse == pytest.approx(np.sqrt((far**2).mean()), rel=5e-3)

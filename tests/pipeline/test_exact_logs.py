@@ -8,6 +8,7 @@ import pytest
 import gpszip
 from gpszip.errors import CorruptArchiveError, InputError, OptionError
 from gpszip.io.storage.source import Source
+from gpszip.pipeline import exact_logs
 from gpszip.pipeline.exact_logs import check_exact
 
 TEXT = "t,x,y\n" + "".join(f"{i},{10 * abs(i % 40 - 20)},{i % 3}\n" for i in range(500))
@@ -20,9 +21,11 @@ def path(tmp_path):
     return path
 
 
-@pytest.fixture
-def archive(path):
-    return gpszip.compress(path, rmse=2, lossless=True)
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory):
+    path = tmp_path_factory.mktemp("exact") / "walk.csv"
+    path.write_text(TEXT)
+    return gpszip.compress(path, rmse=2, effort=1, lossless=True)
 
 
 def test_the_log_is_read_from_the_archive(archive, path, tmp_path):
@@ -54,7 +57,8 @@ def test_the_report_counts_the_whole_archive(archive):
 
 
 def test_a_merge_says_that_logs_are_left_behind(archive, path):
-    other = gpszip.compress(gpszip.Track("b", np.arange(9.0), np.zeros((9, 2))), rmse=2)
+    track = gpszip.Track("b", np.arange(9.0), np.zeros((9, 2)))
+    other = gpszip.compress(track, rmse=2, effort=1)
     merged = gpszip.merge([archive, other])
     assert merged.exact_names == ()
     assert any("logs kept exactly are not merged" in note for note in merged.report.notes)
@@ -82,12 +86,9 @@ def test_the_first_difference_is_named(archive, path, change, place):
         check_exact(archive, [Source(str(path), path=path)])
 
 
-def test_a_difference_far_into_a_log_is_named(tmp_path):
-    rows = [f"{i},{i % 50},0\n" for i in range(150_000)]
-    path = tmp_path / "long.csv"
-    path.write_text("t,x,y\n" + "".join(rows))
-    archive = gpszip.compress(path, rmse=5, effort=1, lossless=True)
-    rows[140_000] = "x\n"
-    path.write_text("t,x,y\n" + "".join(rows))
-    with pytest.raises(InputError, match="line 140002: the log has 'x', the archive '140000,0,0'"):
+def test_a_difference_many_chunks_into_a_log_is_named(archive, path, monkeypatch):
+    monkeypatch.setattr(exact_logs, "_CHUNK_BYTES", 100)
+    assert check_exact(archive, [Source(str(path), path=path)]) == len(TEXT)
+    path.write_text(TEXT.replace("480,200,0\n", "x\n"))
+    with pytest.raises(InputError, match="line 482: the log has 'x', the archive '480,200,0'"):
         check_exact(archive, [Source(str(path), path=path)])

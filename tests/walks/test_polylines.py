@@ -6,7 +6,7 @@ from hypothesis.extra.numpy import arrays
 
 from gpszip.walks import polylines
 from gpszip.walks.polylines import polyline_distances, thin_polyline
-from oracle.polylines import dense_hausdorff, densify, discrete_frechet
+from oracle.polylines import dense_hausdorff, densify, discrete_frechet, far_from_segments
 
 coordinates = st.integers(-8, 8).map(float)
 
@@ -48,6 +48,35 @@ def test_between_vertices_a_point_may_be_the_farthest():
     q = np.array([[-4.0, 1.0], [-4.0, 9.0], [4.0, 9.0], [4.0, 1.0]])
     p = np.array([[-4.0, 1.0], [4.0, 1.0], [4.0, 9.0], [-4.0, 9.0]])
     assert polyline_distances(p, q).hausdorff == pytest.approx(4.0, abs=1e-3)
+
+
+def test_few_vertices_are_compared_exactly_with_many():
+    rng = np.random.default_rng(7)
+    p = np.array([[0.0, 0.0], [300.0, 20.0], [280.0, 250.0], [0.0, 240.0]])
+    q = densify(p, 700)[0]
+    q = q + rng.normal(size=q.shape)
+    found = polyline_distances(p, q)
+    assert found.within == pytest.approx(1e-4)
+
+    # Plain: distances of dense points of each line from all segments of the other.
+    (dense_p, step_p), (dense_q, _) = densify(p, 1000), densify(q, 2)
+    there, back = far_from_segments(dense_p, q), far_from_segments(dense_q, p)
+    assert found.hausdorff == pytest.approx(max(there, back), abs=step_p / 2 + 1e-3)
+
+
+@given(lines(1, 40), lines(2, 40))
+def test_boxes_leave_out_no_nearest_segment(points, line):
+    found, _ = polylines._find_nearest(points, polylines._with_boxes(line))
+    assert found.distances.max() == pytest.approx(far_from_segments(points, line), abs=1e-9)
+
+
+def test_lines_with_enormous_coordinates_are_compared():
+    # Numbers this large lie metres apart, so that no bisection comes to 0.1 mm.
+    p = 1e16 * np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
+    q = 1e16 * np.array([[0.0, 0.0], [7.0, 1.0], [3.0, -1.0], [10.0, 9.0], [1.0, 11.0]])
+    found = polyline_distances(p, q)
+    near = polyline_distances(p / 1e16, q / 1e16)
+    assert found.frechet / 1e16 == pytest.approx(near.frechet, abs=near.within)
 
 
 @given(lines(3, 12), st.integers(2, 5))

@@ -625,7 +625,8 @@ class Archive(ArchiveFrames):
         UnknownTrackError
             If there is no such track.
         OptionError
-            If there is no such column.
+            If there is no such column, or ``when`` looks like another unit or another zero than the
+            log's, as for :meth:`position`.
         """
         number = self._track_number(track)
         if column not in self.curve_sizes:
@@ -633,7 +634,13 @@ class Archive(ArchiveFrames):
             raise OptionError(
                 f"no column {column!r} is kept within an error", remedy=f"there is {names}"
             )
-        return self._curve_columns[column].curve(number).at(to_seconds(when, name="when"))
+
+        # If all of them are NaN, the times may be in a wrong unit.
+        times = to_seconds(when, name="when")
+        values = self._curve_columns[column].curve(number).at(times)
+        if times.size and np.isnan(values).all():
+            self._check_unit(times)
+        return values
 
     def with_curves(self, track: str, pieces: Sequence[Track]) -> list[Track]:
         """Pieces of a track with the values of its curves at their times, as attributes.

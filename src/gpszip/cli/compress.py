@@ -545,7 +545,7 @@ def _parse_keep(text: str) -> tuple[str, float | None]:
     """
     # A colon may be part of a name, unless a number follows.
     name, colon, bound = text.rpartition(":")
-    if not (colon and name.strip() and bound.strip()[:1] in _DIGITS):
+    if not (colon and name.strip() and bound.strip().lstrip("+-")[:1] in _DIGITS):
         return text, None
     try:
         return name.strip(), LENGTH.parse(bound.strip())

@@ -178,7 +178,8 @@ def command(
     if settings.json:
         print_json(_facts((first, second), found, results), err=target == "-")
     else:
-        for line in _table(found, (first, second)):
+        time_step = max(side.time_step for side in sides)
+        for line in _table(found, (first, second), time_step):
             click.echo(line, err=target == "-")
         if target not in {None, "-"}:
             print_status(f"{target}: {len(found.worst):,} places")
@@ -270,8 +271,8 @@ def _facts(
     }
 
 
-def _table(found: Difference, names: tuple[str, str]) -> list[str]:
-    """Return the lines of the table, and what only one of both has."""
+def _table(found: Difference, names: tuple[str, str], time_step: float) -> list[str]:
+    """Return the lines of the table, and what only one of both has; ``time_step`` in seconds."""
     # A row for each track, and one for all of several.
     rows = [_HEADS, *(_row(track) for track in found.tracks)]
     if len(found.tracks) != 1:
@@ -290,11 +291,12 @@ def _table(found: Difference, names: tuple[str, str]) -> list[str]:
         if ids:
             lines.append(f"{name} lacks {len(ids):,} of the tracks{_list_names(ids)}")
     for track in found.tracks:
-        lines += _describe_alone(track, names)
+        lines += _describe_alone(track, names, time_step)
         if track.within > _MIN_WITHIN:
             lines.append(
-                f"{track.id}: long lines were thinned; Hausdorff and Fréchet distances are within "
-                f"{_metres(track.within)}, the discrete one within {_metres(track.discrete_within)}"
+                f"{track.id}: the lines are too long to compare all points; Hausdorff and Fréchet "
+                f"distances are within {_metres(track.within)}, the discrete one within "
+                f"{_metres(track.discrete_within)}"
             )
     return lines
 
@@ -322,18 +324,38 @@ def _distance_cells(distances: Distances) -> tuple[str, ...]:
     )
 
 
-def _describe_alone(track: TrackDifference, names: tuple[str, str]) -> list[str]:
-    """Say in which time ranges only one of both has travel, and which samples have no match."""
+def _describe_alone(track: TrackDifference, names: tuple[str, str], time_step: float) -> list[str]:
+    """Say in which time ranges only one of both travels, and where samples have no counterpart.
+
+    Parameters
+    ----------
+    track : TrackDifference
+        Whose times are described.
+    names : (str, str)
+        Names of both files.
+    time_step : float
+        Seconds to which archives round times; ranges up to this are no surprise.
+    """
+    from gpszip.model.text import count_text
+
+    # Time ranges.
     lines = []
-    for name, ranges, samples in zip(names, track.alone, track.unmatched, strict=True):
-        facts = []
+    for name, ranges in zip(names, track.alone, strict=True):
         if ranges:
-            seconds = sum(end - begin for begin, end in ranges)
-            facts.append(f"{format_duration(seconds)} in {len(ranges):,} time ranges")
+            durations = [end - begin for begin, end in ranges]
+            line = (
+                f"{track.id}: only {name} travels in {count_text(len(ranges), 'time range')}, "
+                f"{format_duration(sum(durations))} in all"
+            )
+            if max(durations) <= time_step:
+                line += f"; archives round times, here to {format_duration(time_step)}"
+            lines.append(line)
+
+    # Samples.
+    for name, other, samples in zip(names, names[::-1], track.unmatched, strict=True):
         if samples:
-            facts.append(f"{samples:,} samples without counterpart")
-        if facts:
-            lines.append(f"{track.id}: only in {name}: {', '.join(facts)}")
+            missed = count_text(samples, "sample")
+            lines.append(f"{track.id}: at {missed} of {name}, {other} has no position")
     return lines
 
 

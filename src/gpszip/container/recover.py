@@ -215,7 +215,11 @@ def _read_extras(
     )
     if has_all_tracks or all(extra.kind not in _OF_ALL_TRACKS for extra in extras):
         return extras
-    lost.append("kept columns and times of samples, as they stand for all tracks together")
+    are_curves = all(
+        extra.kind == SectionKind.CURVES for extra in extras if extra.kind in _OF_ALL_TRACKS
+    )
+    what = "columns kept within an error" if are_curves else "kept columns and times of samples"
+    lost.append(f"{what}, as they stand for all tracks together")
     return tuple(extra for extra in extras if extra.kind not in _OF_ALL_TRACKS)
 
 

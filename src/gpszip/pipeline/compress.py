@@ -136,7 +136,8 @@ def compress(
         archive, errors = _within_size(job, job.options.size)
 
     # Say in the report which tracks have no times, and what lies off the known map.
-    notes = job.notes + off_map_notes(archive, map) + _notes_on_times(job) + curve_notes(archive)
+    notes = job.notes + off_map_notes(archive, map) + _notes_on_times(job)
+    notes += curve_notes(archive, job.log)
     seconds = time.perf_counter() - start
     return archive, report_on(job, archive, errors, notes, seconds)
 

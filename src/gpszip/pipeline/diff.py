@@ -23,6 +23,7 @@ from gpszip.geo.gaps import estimate_gap, find_gaps_of_all, piece_time_ranges
 from gpszip.geo.planes import plane_changes, reproject_positions
 from gpszip.model import Plane, Track
 from gpszip.model.difference import Difference, Distances, FarPlace, TrackDifference
+from gpszip.model.grid import step_size
 from gpszip.model.projection import map_coordinates
 from gpszip.model.text import axes_text
 from gpszip.walks.along import interpolate_positions
@@ -101,12 +102,15 @@ class Side:
         Number of coordinates.
     sampled : bool
         Whether it is a log, whose points are samples.
+    time_step : float, default 0
+        Seconds to which an archive rounds times.
     """
 
     curves: dict[str, Curve]
     plane: Plane | None
     dimension: int
     sampled: bool
+    time_step: float = 0.0
 
 
 class _Compared(NamedTuple):
@@ -181,7 +185,7 @@ def side_of_archive(archive: Archive) -> Side:
 
     curves = {id: _join(id, own) for id, own in pieces.items()}
     grid = archive.grid
-    return Side(curves, grid.plane, grid.dimension, sampled=False)
+    return Side(curves, grid.plane, grid.dimension, sampled=False, time_step=step_size(grid.time))
 
 
 def diff(first: Side, second: Side, *, worst: int = 100) -> Difference:
@@ -263,7 +267,7 @@ def _on_plane_of(first: Side, second: Side) -> Side:
         )
         gaps = curve.gaps | plane_changes(positions, first.plane)
         curves[id] = Curve(id, curve.times, positions, gaps, curve.timed)
-    return Side(curves, first.plane, second.dimension, second.sampled)
+    return replace(second, curves=curves, plane=first.plane)
 
 
 def _compare(first: Curve, second: Curve, first_sampled: bool, second_sampled: bool) -> _Compared:

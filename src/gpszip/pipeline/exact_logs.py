@@ -70,8 +70,12 @@ def exact_section(sources: Sequence[Source | InputError]) -> Section:
 
 
 def exact_name(source: Source) -> str:
-    """Name under which a log is kept: that of its file, without folders and ``.gz``."""
-    name = PurePath(source.name.replace("\\", "/")).name or "log"
+    r"""Name under which a log is kept: that of its file, without folders and ``.gz``.
+
+    Letters that can't be printed are escaped in names of sources, and no archive may hold a
+    backslash: of ``a\nb.csv`` remains ``a_nb.csv``.
+    """
+    name = PurePath(source.name).name.replace("\\", "_") or "log"
     is_packed = name.lower().endswith(".gz") and source.is_gzip
     return name[:-3] if is_packed and len(name) > 3 else name
 

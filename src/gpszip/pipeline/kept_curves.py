@@ -12,8 +12,9 @@ from gpszip.codec.curves import fit_column
 from gpszip.container.contents import Section
 from gpszip.container.layout import SectionKind
 from gpszip.errors import OptionError
-from gpszip.model import Options
+from gpszip.model import Options, Track
 from gpszip.model.log import Log, MemoryLog
+from gpszip.model.text import count_text
 from gpszip.pipeline.validate import check_names
 
 __all__ = ["curve_notes", "curve_sections", "refuse_curves"]
@@ -58,12 +59,22 @@ def curve_sections(log: Log, options: Options) -> tuple[Section, ...]:
     return (Section(SectionKind.CURVES, encode_curves(columns)),)
 
 
-def curve_notes(archive: Archive) -> tuple[str, ...]:
-    """Say what each curve took."""
-    return tuple(
-        f"{name} within {bound:g} at every point: {size:,} B"
-        for name, (bound, size) in archive.curve_sizes.items()
-    )
+def curve_notes(archive: Archive, log: Log) -> tuple[str, ...]:
+    """Say what each curve took, and how many infinite values of the log it leaves out."""
+    notes = []
+    for name, (bound, size) in archive.curve_sizes.items():
+        note = f"{name} within {bound:g} at every point: {size:,} B"
+        infinite = _count_infinite(log.tracks, name)
+        if infinite:
+            note += f", {count_text(infinite, 'infinite value')} left out"
+        notes.append(note)
+    return tuple(notes)
+
+
+def _count_infinite(tracks: Sequence[Track], name: str) -> int:
+    """Number of infinite values of a column of numbers."""
+    columns = [track.attributes[name] for track in tracks if name in track.attributes]
+    return sum(int(np.isinf(values.astype(np.float64)).sum()) for values in columns)
 
 
 def refuse_curves(archives: Sequence[Archive], what: str) -> None:

@@ -29,9 +29,9 @@ MAX_PAIRS = 1 << 26
 #: Metres to which distances are computed.
 _TOLERANCE = 1e-4
 
-#: Parts of segments that are cut in two for the Hausdorff distance, for each vertex. Walks and
-#: their logs need less than one.
-_MAX_PARTS = 16
+#: Distances of points from segments, and from boxes around them, that one direction of the
+#: Hausdorff distance takes: about 10 s of CPU time. Walks and their logs need a thousandth.
+_MAX_COMPUTED = 1 << 31
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class PolylineDistances:
         The distances.
     within, discrete_within : float
         Metres by which the first two, and the last, may be off: the tolerance of the computation,
-        and what thinning of long polylines moved.
+        and what thinning of long polylines moved, or an early end left open.
     """
 
     hausdorff: float
@@ -62,7 +62,7 @@ class ThinnedPolyline(NamedTuple):
     Parameters
     ----------
     vertices : float64 array, shape (k, d)
-        Every so manieth vertex, and the last one.
+        Every n-th vertex, and the last one.
     moved, discrete_moved : float
         At least the Fréchet and the discrete Fréchet distance from what it was, in metres.
     """
@@ -76,7 +76,9 @@ def polyline_distances(p: ArrayLike, q: ArrayLike) -> PolylineDistances:
     """Hausdorff, Fréchet and discrete Fréchet distance of two polylines.
 
     Up to :data:`MAX_PAIRS` pairs of segments, distances are exact to 0.1 mm. Longer polylines are
-    thinned to every so manieth vertex first; ``within`` says how far the result may be off then.
+    thinned to every n-th vertex first; ``within`` says how far the result may be off then. It also
+    does where more than 10,000 points are equally far from the other polyline, so that the search
+    for the farthest one ends early.
 
     The Fréchet distance is found by bisection between its lower bound, the Hausdorff distance and
     those of both ends, and its upper bound, the discrete one.
@@ -181,6 +183,9 @@ def _frechet(p: Floats, q: Floats, low: float, high: float) -> float:
         return low
     while high - low > _TOLERANCE:
         middle = (low + high) / 2
+        # Of coordinates beyond 10^12 m, numbers lie farther apart than the tolerance.
+        if not low < middle < high:
+            break
         if frechet_within(p, q, middle, workspace):
             high = middle
         else:
@@ -218,6 +223,38 @@ class _Points(NamedTuple):
         )
 
 
+class _Boxed(NamedTuple):
+    """A polyline, and boxes around blocks of its segments.
+
+    Parameters
+    ----------
+    vertices : float64 array, shape (n, d)
+        Metres.
+    size : int
+        Segments of a block.
+    low, high : float64 arrays, shape (b, d)
+        Corners of the box around each block.
+    """
+
+    vertices: Floats
+    size: int
+    low: Floats
+    high: Floats
+
+
+def _with_boxes(q: Floats) -> _Boxed:
+    """A polyline with as many boxes as segments in each."""
+    size = math.isqrt(len(q))
+    first = np.arange(0, len(q) - 1, size)
+    ends = (q[:-1], q[1:])
+    return _Boxed(
+        np.ascontiguousarray(q),
+        size,
+        np.minimum(*(np.minimum.reduceat(end, first) for end in ends)),
+        np.maximum(*(np.maximum.reduceat(end, first) for end in ends)),
+    )
+
+
 def _directed_hausdorff(p: Floats, q: Floats) -> tuple[float, float]:
     """Largest distance of a point of the polyline p from q, and by how much it may be off.
 
@@ -227,10 +264,10 @@ def _directed_hausdorff(p: Floats, q: Floats) -> tuple[float, float]:
     largest distance so far are left out, others are cut in two.
     """
     # All vertices, then parts of segments.
-    vertices = _find_nearest(p, q)
+    boxed = _with_boxes(q)
+    vertices, computed = _find_nearest(p, boxed)
     best = float(vertices.distances.max())
     begin, end = vertices.at(slice(None, -1)), vertices.at(slice(1, None))
-    budget = _MAX_PARTS * len(p)
     while True:
         # Which parts may hold a larger distance?
         bound = np.minimum(
@@ -238,23 +275,30 @@ def _directed_hausdorff(p: Floats, q: Floats) -> tuple[float, float]:
             np.maximum(end.distances, _distances_from(begin.positions, q, end.nearest)),
         )
         is_open = bound > best + _TOLERANCE / 2
-        budget -= int(is_open.sum())
-        if not is_open.any() or budget < 0:
+        if not is_open.any() or computed > _MAX_COMPUTED:
             return best, max(float(bound.max()) - best, 0.0)
 
         # Cut them in two.
         begin, end = begin.at(is_open), end.at(is_open)
-        middle = _find_nearest((begin.positions + end.positions) / 2, q)
+        middle, more = _find_nearest((begin.positions + end.positions) / 2, boxed)
+        computed += more
         best = max(best, float(middle.distances.max()))
         begin, end = begin.and_also(middle), middle.and_also(end)
 
 
-def _find_nearest(points: Floats, q: Floats) -> _Points:
-    """Find the segment of a polyline that is nearest to each point."""
+def _find_nearest(points: Floats, q: _Boxed) -> tuple[_Points, int]:
+    """Find the segment of a polyline that is nearest to each point.
+
+    Returns
+    -------
+    _Points
+        The points, their distances and segments.
+    int
+        Number of distances that were computed.
+    """
     squares, nearest = np.empty(len(points)), np.empty(len(points), np.int64)
-    starts, ends = np.ascontiguousarray(q[:-1]), np.ascontiguousarray(q[1:])
-    nearest_squares(np.ascontiguousarray(points), starts, ends, squares, nearest)
-    return _Points(points, np.sqrt(squares), nearest)
+    computed = nearest_squares(np.ascontiguousarray(points), *q, squares, nearest)
+    return _Points(points, np.sqrt(squares), nearest), computed
 
 
 def _distances_from(points: Floats, q: Floats, segments: NDArray[np.int64]) -> Floats:

@@ -126,6 +126,93 @@ def _class_of(duration: int) -> int:
     return 0 if duration < 4 else 1 if duration < 16 else 2
 
 
+@inner_uncounted
+def _count_runs(kinds: NDArray[np.int64], row: int) -> int:
+    """Number of runs of the track that begins at a row."""
+    if kinds[row] < 0:
+        return np.int64(0)
+    runs, end = np.int64(1), row + 1
+    while end < len(kinds) and kinds[end] >= 0 and kinds[end] != BEGINS_TRACK:
+        runs += 1 if kinds[end] == BEGINS_RUN else 0
+        end += 1
+    return runs
+
+
+@inner_uncounted
+def _count_more(kinds: NDArray[np.int64], row: int) -> int:
+    """Number of knots after the first one of the run that begins at a row."""
+    more = np.int64(0)
+    while row + more + 1 < len(kinds) and kinds[row + more + 1] == GOES_ON:
+        more += 1
+    return more
+
+
+@inner_uncounted
+def _code_first_of_track(
+    coder: Coder,
+    times: NDArray[np.int64],
+    values: NDArray[np.int64],
+    counts: NDArray[np.int32],
+    row: int,
+    before: int,
+) -> None:
+    """Code the first knot of a track, relative to that in the row ``before``; -1 for none."""
+    start_time = times[before] if before >= 0 else np.int64(0)
+    start_value = values[before] if before >= 0 else np.int64(0)
+    context = _STARTS + 2 * INTEGER_CONTEXTS
+    times[row] = start_time + code_signed(coder, counts, context, times[row] - start_time)
+    context = _STARTS + 3 * INTEGER_CONTEXTS
+    values[row] = start_value + code_signed(coder, counts, context, values[row] - start_value)
+
+
+@inner_uncounted
+def _code_first_of_run(
+    coder: Coder,
+    times: NDArray[np.int64],
+    values: NDArray[np.int64],
+    counts: NDArray[np.int32],
+    row: int,
+) -> None:
+    """Code the first knot of a later run, relative to the knot before the hole."""
+    hole = times[row] - times[row - 1] - 1
+    context = _STARTS + 4 * INTEGER_CONTEXTS
+    times[row] = times[row - 1] + 1 + code_unsigned(coder, counts, context, hole)
+    step = values[row] - values[row - 1]
+    context = _STARTS + 3 * INTEGER_CONTEXTS
+    values[row] = values[row - 1] + code_signed(coder, counts, context, step)
+
+
+@inner_uncounted
+def _code_rest_of_run(
+    coder: Coder,
+    kinds: NDArray[np.int64],
+    times: NDArray[np.int64],
+    values: NDArray[np.int64],
+    counts: NDArray[np.int32],
+    first: int,
+    end: int,
+) -> bool:
+    """Code the knots from a row on; return whether a decoder had enough bytes."""
+    class_before, sign = 2, 1
+    for row in range(first, end):
+        # The duration, by the class of the one before.
+        kinds[row] = GOES_ON
+        duration = times[row] - times[row - 1]
+        context = class_before * INTEGER_CONTEXTS
+        duration = 1 + code_unsigned(coder, counts, context, duration - 1)
+        times[row] = times[row - 1] + duration
+
+        # The step of the value, by the sign of the one before and the class of the duration.
+        class_before = _class_of(duration)
+        context = _VALUES + (sign * _CLASSES + class_before) * INTEGER_CONTEXTS
+        step = code_signed(coder, counts, context, values[row] - values[row - 1])
+        values[row] = values[row - 1] + step
+        sign = 0 if step < 0 else 1 if step == 0 else 2
+        if is_decoding(coder) and is_exhausted(coder):
+            return False
+    return True
+
+
 @jit_uncounted
 def code_knots(
     coder: Coder,
@@ -148,32 +235,25 @@ def code_knots(
     coder : Coder
         In any direction.
     kinds, times, values : int64 arrays, shape (n,)
-        ``BEGINS_TRACK``, ``BEGINS_RUN`` or ``GOES_ON``; a decoder fills all in. Tracks without
-        knots have none.
+        ``BEGINS_TRACK``, ``BEGINS_RUN`` or ``GOES_ON``; a decoder fills all in. A track without
+        knots takes a row of kind -1, time 0 and value 0.
     counts : int32 array, shape (CURVE_CONTEXTS, 2)
         Counts of zeros and ones; changed in place.
     tracks : int
-        Number of tracks; the runs of track k are those since the k-th ``BEGINS_TRACK``; a track
-        without knots is a knot of kind -1, time 0 and value 0.
+        Number of tracks.
 
     Returns
     -------
     int
-        Number of knots; -1 if what is read has more than fit, or is none.
+        Number of rows; -1 if what is read has more than fit, or is none.
     """
     decodes = is_decoding(coder)
-    capacity, row = len(kinds), 0
-    start_time, start_value = np.int64(0), np.int64(0)
+    row, before = 0, -1
     for _ in range(tracks):
         # Number of runs; a track without any takes a row that says so.
-        runs = np.int64(0)
-        if not decodes and kinds[row] >= 0:
-            runs, end = np.int64(1), row + 1
-            while end < capacity and kinds[end] >= 0 and kinds[end] != BEGINS_TRACK:
-                runs += 1 if kinds[end] == BEGINS_RUN else 0
-                end += 1
+        runs = np.int64(0) if decodes else _count_runs(kinds, row)
         runs = code_unsigned(coder, counts, _STARTS, runs)
-        if decodes and (is_exhausted(coder) or row + max(runs, 1) > capacity):
+        if decodes and (is_exhausted(coder) or row + max(runs, 1) > len(kinds)):
             return -1
         if runs == 0:
             kinds[row], times[row], values[row] = -1, 0, 0
@@ -182,47 +262,20 @@ def code_knots(
 
         for run in range(runs):
             # Number of knots less one.
-            more = np.int64(0)
-            if not decodes:
-                while row + more + 1 < capacity and kinds[row + more + 1] == GOES_ON:
-                    more += 1
+            more = np.int64(0) if decodes else _count_more(kinds, row)
             more = code_unsigned(coder, counts, _STARTS + INTEGER_CONTEXTS, more)
-            if decodes and (is_exhausted(coder) or row + more >= capacity):
+            if decodes and (is_exhausted(coder) or row + more >= len(kinds)):
                 return -1
 
-            # The first knot.
-            if run == 0:
-                kinds[row] = BEGINS_TRACK
-                context = _STARTS + 2 * INTEGER_CONTEXTS
-                start_time += code_signed(coder, counts, context, times[row] - start_time)
-                times[row] = start_time
-                context = _STARTS + 3 * INTEGER_CONTEXTS
-                start_value += code_signed(coder, counts, context, values[row] - start_value)
-                values[row] = start_value
+            # The first knot, and those after it.
+            kinds[row] = BEGINS_RUN if run else BEGINS_TRACK
+            if run:
+                _code_first_of_run(coder, times, values, counts, row)
             else:
-                kinds[row] = BEGINS_RUN
-                duration = times[row] - times[row - 1] - 1
-                context = _STARTS + 4 * INTEGER_CONTEXTS
-                times[row] = times[row - 1] + 1 + code_unsigned(coder, counts, context, duration)
-                step = values[row] - values[row - 1]
-                context = _STARTS + 3 * INTEGER_CONTEXTS
-                values[row] = values[row - 1] + code_signed(coder, counts, context, step)
-            row += 1
-
-            # Knots after it.
-            before, sign = 2, 1
-            for _ in range(more):
-                kinds[row] = GOES_ON
-                duration = times[row] - times[row - 1]
-                context = before * INTEGER_CONTEXTS
-                duration = 1 + code_unsigned(coder, counts, context, duration - 1)
-                times[row] = times[row - 1] + duration
-                before = _class_of(duration)
-                context = _VALUES + (sign * _CLASSES + before) * INTEGER_CONTEXTS
-                step = code_signed(coder, counts, context, values[row] - values[row - 1])
-                values[row] = values[row - 1] + step
-                sign = 0 if step < 0 else 1 if step == 0 else 2
-                row += 1
-                if decodes and is_exhausted(coder):
-                    return -1
+                _code_first_of_track(coder, times, values, counts, row, before)
+                before = row
+            end = row + 1 + more
+            if not _code_rest_of_run(coder, kinds, times, values, counts, row + 1, end):
+                return -1
+            row = end
     return row

@@ -142,40 +142,94 @@ def discrete_frechet_square(
     return row[len(q) - 1]
 
 
+@inner_uncounted
+def square_from_segment(
+    points: NDArray[np.float64], k: int, q: NDArray[np.float64], j: int
+) -> float:
+    """Square of the distance of the point k from the segment q_j q_{j+1}.
+
+    With e = q_{j+1} - q_j and f = point - q_j it is |f - s e|^2, s = f.e / e.e cut to [0, 1].
+    """
+    ee, ef = 0.0, 0.0
+    for axis in range(points.shape[1]):
+        e = q[j + 1, axis] - q[j, axis]
+        ee += e * e
+        ef += e * (points[k, axis] - q[j, axis])
+    s = min(max(ef / ee, 0.0), 1.0) if ee > 0.0 else 0.0
+    square = 0.0
+    for axis in range(points.shape[1]):
+        e = q[j + 1, axis] - q[j, axis]
+        difference = points[k, axis] - q[j, axis] - s * e
+        square += difference * difference
+    return square
+
+
+@inner_uncounted
+def square_from_box(
+    points: NDArray[np.float64],
+    k: int,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    block: int,
+) -> float:
+    """Square of the distance of the point k from the box between two corners."""
+    square = 0.0
+    for axis in range(points.shape[1]):
+        x = points[k, axis]
+        outside = max(low[block, axis] - x, x - high[block, axis], 0.0)
+        square += outside * outside
+    return square
+
+
 @jit_uncounted
 def nearest_squares(
     points: NDArray[np.float64],
-    starts: NDArray[np.float64],
-    ends: NDArray[np.float64],
+    q: NDArray[np.float64],
+    size: int,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
     squares: NDArray[np.float64],
     nearest: NDArray[np.int64],
-) -> None:
+) -> int:
     """Write the number of the segment nearest to each point, and the square of its distance.
 
-    With e = end - start and f = point - start it is |f - s e|^2, s = f.e / e.e cut to [0, 1].
+    Successive segments lie in blocks. A block whose box is no nearer than the nearest segment so
+    far is left out. The block that holds the segment nearest to the point before comes first.
 
     Parameters
     ----------
-    points, starts, ends : float64 arrays, shape (k, d), (m, d) and (m, d)
-        Metres.
+    points, q : float64 arrays, shape (k, d) and (m, d)
+        Metres; the segments are those between successive vertices of q.
+    size : int
+        Segments of a block.
+    low, high : float64 arrays, shape (b, d)
+        Corners of the box around each block.
     squares, nearest : float64 and int64 arrays, shape (k,)
         Filled in.
+
+    Returns
+    -------
+    int
+        Number of boxes and segments whose distance was computed.
     """
+    computed, of_best = 0, 0
     for k in range(len(points)):
-        best, of_best = np.inf, 0
-        for j in range(len(starts)):
-            # The point of the segment that is nearest.
-            ee, ef = 0.0, 0.0
-            for axis in range(points.shape[1]):
-                e = ends[j, axis] - starts[j, axis]
-                ee += e * e
-                ef += e * (points[k, axis] - starts[j, axis])
-            s = min(max(ef / ee, 0.0), 1.0) if ee > 0.0 else 0.0
-            square = 0.0
-            for axis in range(points.shape[1]):
-                e = ends[j, axis] - starts[j, axis]
-                difference = points[k, axis] - starts[j, axis] - s * e
-                square += difference * difference
-            if square < best:
-                best, of_best = square, j
+        likely, best = of_best // size, np.inf
+        for turn in range(-1, len(low)):
+            # The likely block is the first one, and comes only once.
+            block = likely if turn < 0 else turn
+            if turn == likely:
+                continue
+            computed += 1
+            if square_from_box(points, k, low, high, block) >= best:
+                continue
+
+            # The nearest segment of the block.
+            first, end = block * size, min((block + 1) * size, len(q) - 1)
+            computed += end - first
+            for j in range(first, end):
+                square = square_from_segment(points, k, q, j)
+                if square < best:
+                    best, of_best = square, j
         squares[k], nearest[k] = best, of_best
+    return computed
