@@ -409,7 +409,7 @@ def append(
 
     # Files are read with the columns that the archive keeps.
     opened = archive if isinstance(archive, Archive) else open_archive(archive)
-    keep, plane = opened.kept_columns or (), opened.grid.plane
+    keep, plane = (*(opened.kept_columns or ()), *opened.curve_sizes), opened.grid.plane
     # Only archives with times can be extended, so a table needs its column of times.
     with _open_log(tracks, memory, plane, keep, True, progress) as log:
         extended, report = append_tracks(

@@ -425,7 +425,7 @@ def _open_log(
         sort=choices["sort"],
         split=choices["split"],
         skip_bad=choices["skip_bad"],
-        keep=_columns_to_read(choices),
+        keep=_columns_to_read(choices, map if choices["append"] else None),
         times=choices["times"],
         selection=selection,
         topics=choices["topics"],
@@ -524,8 +524,10 @@ def _kept_curves(choices: dict[str, Any]) -> tuple[tuple[str, float], ...]:
     return tuple((name, bound) for name, bound in _keep_items(choices) if bound is not None)
 
 
-def _columns_to_read(choices: dict[str, Any]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(name for name, _ in _keep_items(choices)))
+def _columns_to_read(choices: dict[str, Any], extended: Archive | None) -> tuple[str, ...]:
+    """Return the columns that are asked for, and those that an archive keeps."""
+    known = () if extended is None else (*(extended.kept_columns or ()), *extended.curve_sizes)
+    return tuple(dict.fromkeys([*(name for name, _ in _keep_items(choices)), *known]))
 
 
 def _keep_items(choices: dict[str, Any]) -> list[tuple[str, float | None]]:

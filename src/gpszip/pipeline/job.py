@@ -200,7 +200,7 @@ def prepare(
         listener=progress,
         map=map,
         batch=batch,
-        extras=(*kept_sections(log, options), *curve_sections(log, options)),
+        extras=(*kept_sections(log, options), *curve_sections(log, options, memory)),
     )
 
 
