@@ -197,7 +197,8 @@ def completed_options(options: Options, archive: Archive) -> Options:
                 "held for all of it",
                 remedy=f"leave it out of --keep (keep_within), or give {known[name]:g}",
             )
-    options = replace(options, curves=tuple({**dict(options.curves), **known}.items()))
+    curves = tuple({**dict(options.curves), **known}.items())
+    options = replace(options, curves=curves, heights=False)
 
     # The columns that are exact.
     if archive.kept_columns is not None:

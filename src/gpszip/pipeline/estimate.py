@@ -300,7 +300,13 @@ class _Attempt:
         if coreset is not None:
             coreset = max(round(coreset * samples / self.points), 1)
         options = replace(
-            options, gap=self.job.gap, coreset=coreset, keep=(), keep_times=False, curves=()
+            options,
+            gap=self.job.gap,
+            coreset=coreset,
+            keep=(),
+            keep_times=False,
+            curves=(),
+            heights=False,
         )
 
         # Compress them, or append them.

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpszip.archive import Archive
 from gpszip.archive.curves import encode_curves
@@ -16,6 +18,7 @@ from gpszip.codec.joined_curves import CurvePart, join_columns
 from gpszip.container.contents import Section
 from gpszip.container.layout import SectionKind
 from gpszip.errors import OptionError
+from gpszip.io.logs.raw import HEIGHT, HEIGHT_NAMES
 from gpszip.model import Options
 from gpszip.model.log import Log, LogTrack, MemoryLog
 from gpszip.model.text import count_text
@@ -25,13 +28,54 @@ from gpszip.pipeline.validate import check_names
 if TYPE_CHECKING:
     from gpszip.io.large.store import StoredLog
 
-__all__ = ["curve_notes", "curve_sections", "extended_curves"]
+__all__ = ["curve_notes", "curve_sections", "extended_curves", "with_heights"]
+
+#: Metres within which heights are kept that nobody asked for: about the error of barometers, and
+#: less than that of receivers.
+_HEIGHT_ERROR = 3.0
 
 #: Rows of a log on disk that are read at once, in about 100 bytes each.
 _ROWS = 1 << 16
 
 #: Samples of a track among which the first one after its end in an archive is looked for.
 _SAMPLES_NEAR_START = 10_000
+
+
+def with_heights(options: Options, log: Log) -> tuple[Options, tuple[str, ...]]:
+    """Options that also keep heights of a log in degrees, and notes on heights that are not kept.
+
+    Parameters
+    ----------
+    options : Options
+        Nothing is added unless they ask for ``heights``.
+    log : Log
+        In memory or on disk.
+    """
+    # A log that has no heights, or whose heights the user named.
+    named = (*options.keep, *(name for name, _ in options.curves))
+    if not options.heights or HEIGHT in named or log.plane is None or HEIGHT not in _names(log):
+        return options, ()
+    has_height = {
+        each.track for each in _slices(log, HEIGHT, shapes=True) if _has_number(each.values)
+    }
+    if not has_height:
+        return options, ()
+
+    # Heights of shapes have no time; those beside a size would leave too little for the walks.
+    shapes = sum(not log.tracks[track].timed for track in has_height)
+    notes: tuple[str, ...] = ()
+    if shapes:
+        notes = (f"heights of {count_text(shapes, 'track')} without times are not kept",)
+    if len(has_height) == shapes or not options.times:
+        return options, notes
+    if options.sized:
+        return options, (*notes, f"heights are not kept beside a size: add --keep {HEIGHT}:3m")
+    return replace(options, curves=(*options.curves, (HEIGHT, _HEIGHT_ERROR))), notes
+
+
+def _has_number(values: NDArray[np.generic]) -> bool:
+    """Whether any of the values is a number."""
+    return values.dtype.kind in "iuf" and bool(np.isfinite(values.astype(np.float64)).any())
 
 
 def curve_sections(log: Log, options: Options, memory: int | None = None) -> tuple[Section, ...]:
@@ -123,7 +167,8 @@ def curve_notes(archive: Archive, log: Log) -> tuple[str, ...]:
     """Say what each curve took, and how many infinite values of the log it leaves out."""
     notes = []
     for name, (bound, size) in archive.curve_sizes.items():
-        note = f"{name} within {bound:g} at every point: {size:,} B"
+        unit = " m" if name in HEIGHT_NAMES else ""
+        note = f"{name} within {bound:g}{unit} at every point: {size:,} B"
         infinite = _count_infinite(log, name)
         if infinite:
             note += f", {count_text(infinite, 'infinite value')} left out"
@@ -170,12 +215,12 @@ def _fit(
     return fit_slices(slices, len(log.tracks), bound, name, step=step, max_knots=limit)
 
 
-def _slices(log: Log, name: str) -> Iterator[CurveSlice]:
-    """The samples of all tracks with their values; those of tracks without times have none."""
+def _slices(log: Log, name: str, *, shapes: bool = False) -> Iterator[CurveSlice]:
+    """The samples of all tracks with their values; without ``shapes``, only of those with times."""
     if isinstance(log, MemoryLog):
         for number, track in enumerate(log.tracks):
             values = track.attributes.get(name)
-            if values is None or not track.timed:
+            if values is None or not (track.timed or shapes):
                 values = np.full(len(track), np.nan)
             yield CurveSlice(number, track.times, values)
         return
@@ -195,8 +240,8 @@ def _slices(log: Log, name: str) -> Iterator[CurveSlice]:
         for number in range(begin, end):
             rows = slice(max(int(starts[number]) - first, 0), int(starts[number + 1]) - first)
             own = values[rows]
-            timed = log.tracks[number].timed
-            yield CurveSlice(number, times[rows], own if timed else np.full(len(own), np.nan))
+            counts = log.tracks[number].timed or shapes
+            yield CurveSlice(number, times[rows], own if counts else np.full(len(own), np.nan))
 
 
 def _begins(archive: Archive, log: Log) -> dict[str, float]:
