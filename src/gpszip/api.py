@@ -230,6 +230,7 @@ def compress(
     effort: int = 5,
     coreset: int | None = None,
     keep_within: Mapping[str, float] | None = None,
+    heights: bool = True,
     map: Archive | ArchiveSource | None = None,
     memory: int | None = None,
     executor: Executor | None = None,
@@ -276,6 +277,9 @@ def compress(
     keep_within : mapping of str to float, optional
         Attributes to keep as curves over time, each within an error at every sample, such as
         ``{"ele": 1.0}``: see :meth:`Archive.curve`.
+    heights : bool, default True
+        Keep the heights of GPX, KML, TCX and FIT files within 3 m, as the curve ``ele``, unless a
+        size is given or ``keep`` or ``keep_within`` names heights.
     map : Archive, path or bytes, optional
         Store the tracks as walks on the map of this archive. The map is not stored again, and
         :func:`open` needs it, too. Lines off the map are in :attr:`Archive.off_map_lines`.
@@ -308,6 +312,7 @@ def compress(
     >>> bool(abs(archive.position("lane", 5.5)[0] - 1.5) < 0.1), archive.report.points
     (True, 20)
     """
+    from gpszip.io.logs.raw import name_heights
     from gpszip.pipeline.compress import compress as compress_tracks
 
     # A single name would be taken for a sequence of letters.
@@ -328,6 +333,7 @@ def compress(
         effort=effort,
         coreset=coreset,
         curves=tuple((keep_within or {}).items()),
+        heights=heights,
     )
 
     # The map and the tracks may still be files.
@@ -336,7 +342,16 @@ def compress(
     plane = None if known_map is None else known_map.grid.plane
     extras = _exact_sections(tracks) if lossless else ()
     columns = (*names, *(keep_within or {}))
-    with _open_log(tracks, memory, plane, columns, times, progress, options.thesis) as log:
+    with _open_log(
+        tracks,
+        memory,
+        plane,
+        columns,
+        times,
+        progress,
+        options.thesis,
+        heights=heights and times and not name_heights(columns),
+    ) as log:
         archive, report = compress_tracks(
             log,
             options,
@@ -409,9 +424,11 @@ def append(
 
     # Files are read with the columns that the archive keeps.
     opened = archive if isinstance(archive, Archive) else open_archive(archive)
-    keep, plane = opened.kept_columns or (), opened.grid.plane
-    # Only archives with times can be extended, so a table needs its column of times.
-    with _open_log(tracks, memory, plane, keep, True, progress) as log:
+    keep, plane = (*(opened.kept_columns or ()), *opened.curve_sizes), opened.grid.plane
+    # Only archives with times can be extended, so a table needs its column of times. Heights that
+    # were kept unasked may be missing.
+    heights = "ele" in opened.curve_sizes
+    with _open_log(tracks, memory, plane, keep, True, progress, heights=heights) as log:
         extended, report = append_tracks(
             opened,
             log,
@@ -973,6 +990,8 @@ def _open_log(
     times: bool,
     progress: Listener | None,
     thesis: bool = False,
+    *,
+    heights: bool = False,
 ) -> Iterator[Sequence[Track] | Track | Log]:
     """Tracks as they were given, or the files that were given, in memory or on disk."""
     # Tracks are passed on as they are: there is nothing to read, and nothing to close.
@@ -991,6 +1010,7 @@ def _open_log(
         progress=progress,
         thesis=thesis,
         keep=keep,
+        heights=heights,
         times=times,
     ) as log:
         if log.read_result is not None:

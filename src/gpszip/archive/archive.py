@@ -16,6 +16,7 @@ from gpszip.archive.exact import find_exact_logs, find_kept
 from gpszip.archive.facts import count_facts, file_facts
 from gpszip.archive.frames import ArchiveFrames
 from gpszip.archive.pieces import (
+    add_points,
     build_pieces,
     pieces_by_track,
     plain_names,
@@ -366,14 +367,14 @@ class Archive(ArchiveFrames):
         if track is not None:
             walk, positions = self._knots(track)
             pieces = build_pieces(walk, positions, self._named_pieces(walk), plane)
-            return self.with_curves(track, pieces)
+            return self.with_curves(track, pieces, at_knots=True)
 
         nodes = self.road_map.nodes
         return [
             piece
             for walk in self.walks
             for piece in self.with_curves(
-                walk.id, build_pieces(walk, nodes, self._pieces[walk.id], plane)
+                walk.id, build_pieces(walk, nodes, self._pieces[walk.id], plane), at_knots=True
             )
         ]
 
@@ -642,7 +643,9 @@ class Archive(ArchiveFrames):
             self._check_unit(times)
         return values
 
-    def with_curves(self, track: str, pieces: Sequence[Track]) -> list[Track]:
+    def with_curves(
+        self, track: str, pieces: Sequence[Track], *, at_knots: bool = False
+    ) -> list[Track]:
         """Pieces of a track with the values of its curves at their times, as attributes.
 
         Parameters
@@ -651,9 +654,16 @@ class Archive(ArchiveFrames):
             Name of the track.
         pieces : sequence of Track
             Those without times stay as they are.
+        at_knots : bool, default False
+            Whether pieces of knots get further points, at the knots of the curves, so that the
+            curves, too, are linear from point to point.
         """
         if not self.curve_sizes:
             return list(pieces)
+        if at_knots:
+            number = self._track_number(track)
+            curves = [column.curve(number).times for column in self._curve_columns.values()]
+            pieces = [add_points(piece, np.concatenate(curves)) for piece in pieces]
         return [
             replace(piece, attributes={**piece.attributes, **self._curve_values(track, piece)})
             if piece.timed

@@ -35,6 +35,7 @@ class _Head(NamedTuple):
     knots: int
     payload: bytes
     offset: int
+    size: int
 
 
 def encode_curves(columns: Mapping[str, CurveColumn]) -> bytes:
@@ -67,14 +68,14 @@ def encode_curves(columns: Mapping[str, CurveColumn]) -> bytes:
 
 
 def read_curve_heads(body: bytes) -> dict[str, tuple[float, int]]:
-    """Bound and bytes of each column, without decoding any.
+    """Bound and bytes of each column with its name, without decoding any.
 
     Raises
     ------
     CorruptArchiveError
         If the bytes are no curves.
     """
-    return {name: (head.bound, len(head.payload)) for name, head in _read_heads(body).items()}
+    return {name: (head.bound, head.size) for name, head in _read_heads(body).items()}
 
 
 def read_curves(body: bytes, tracks: int) -> dict[str, CurveColumn]:
@@ -102,6 +103,7 @@ def _read_heads(body: bytes) -> dict[str, _Head]:
     heads: dict[str, _Head] = {}
     for _ in range(count):
         # The name.
+        start = cursor.offset
         text = cursor.read_bytes(cursor.read_varint("a name's length"), "a name")
         try:
             name = text.decode()
@@ -122,7 +124,8 @@ def _read_heads(body: bytes) -> dict[str, _Head]:
         payload = cursor.read_bytes(cursor.read_varint("the length of a curve"), "a curve")
         if knots > max_rows(len(payload)):
             raise cursor.error(f"{knots} knots can't lie in {len(payload)} bytes")
-        heads[name] = _Head(bound, step, unit, first, knots, payload, offset)
+        size = cursor.offset - start
+        heads[name] = _Head(bound, step, unit, first, knots, payload, offset, size)
     cursor.expect_end("the curves")
     return heads
 

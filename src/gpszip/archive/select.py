@@ -209,7 +209,9 @@ def _build_selected(
         piece
         for walk in walks
         for piece in archive.with_curves(
-            walk.id, build_pieces(walk, selected.nodes, named[walk.id], archive.grid.plane)
+            walk.id,
+            build_pieces(walk, selected.nodes, named[walk.id], archive.grid.plane),
+            at_knots=True,
         )
     ]
     return pieces, {name: track for track, own in named.items() for name, _ in own}

@@ -31,7 +31,7 @@ _SECTIONS = {
     ),
     "Logs of robots": ("topics", "frame", "times_file", "rate"),
     "Selection": ("tracks", "since", "until", "bbox"),
-    "What is kept": ("keep", "keep_times", "times"),
+    "What is kept": ("keep", "heights", "keep_times", "times"),
     "Work": ("memory", "workers", "engine", "scheduler", "dry_run"),
     "Output": ("target", "kind", "force", "quiet", "json", "debug", "--help"),
 }

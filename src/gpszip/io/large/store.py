@@ -216,7 +216,8 @@ def store_logs(
         # Read, clean and sort.
         folder = stack.enter_context(scratch_folder())
         max_rows = max(rows, _MIN_ROWS)
-        encoder = ColumnEncoder(request.keep, _TEXT_BYTES_PER_ROW * rows)
+        names = tuple(dict.fromkeys([*request.keep, *request.optional]))
+        encoder = ColumnEncoder(names, _TEXT_BYTES_PER_ROW * rows, optional=request.optional)
         store = DiskRows(folder, max_rows, encoder)
         log = collect_log(files, store, cleaning)
         blocks = _blocks_of_tracks(log)

@@ -6,7 +6,7 @@ plane happen afterwards, alike for all formats (:mod:`gpszip.io.logs.read`).
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 
@@ -17,6 +17,7 @@ from gpszip.errors import InputError
 from gpszip.model.read_result import LeftOut, Repair
 
 __all__ = [
+    "HEIGHT",
     "HEIGHT_NAMES",
     "GuessedUnit",
     "RawLog",
@@ -24,12 +25,27 @@ __all__ = [
     "UnreadableCell",
     "find_kept",
     "join_batches",
+    "name_heights",
     "unused_name",
 ]
 
 #: Names of the attribute that holds the height above the sea in metres, the preferred one first.
 #: They stand for each other: a request for one is met by another.
 HEIGHT_NAMES = ("alt", "altitude", "ele", "elevation", "height")
+
+#: The one that heights get which nobody named.
+HEIGHT = "ele"
+
+
+def name_heights(names: Iterable[str]) -> bool:
+    """Whether any name is one of heights.
+
+    Examples
+    --------
+    >>> name_heights(["hr", "Alt"]), name_heights(["hr"])
+    (True, False)
+    """
+    return any(name.lower() in HEIGHT_NAMES for name in names)
 
 
 @dataclass(frozen=True)
@@ -48,6 +64,9 @@ class Request:
         Further columns to keep as attributes.
     heading : bool
         Keep headings, if the log has some, as the attribute ``heading``.
+    heights : bool
+        Keep heights, if a file of GPX, KML, TCX or FIT has some, as the attribute ``ele``. A name
+        of heights in ``keep`` may then be missing there.
     dates : str, optional
         ``dmy``, ``mdy`` or ``ymd``, the order of day, month and year in dates such as 03/04/2024;
         found from all dates of the column if left out.
@@ -78,6 +97,25 @@ class Request:
     frame: str | None = None
     times_file: str | None = None
     rate: float | None = None
+    heights: bool = False
+
+    @property
+    def optional(self) -> tuple[str, ...]:
+        """Columns to keep of GPX, KML, TCX and FIT where a file has them.
+
+        Examples
+        --------
+        >>> Request(heights=True).optional, Request(keep=("alt", "hr"), heights=True).optional
+        (('ele',), ('alt',))
+        """
+        named = tuple(name for name in self.keep if name.lower() in HEIGHT_NAMES)
+        return (named or (HEIGHT,)) if self.heights else ()
+
+    @property
+    def required(self) -> tuple[str, ...]:
+        """Columns to keep that each file of these formats must have."""
+        optional = self.optional
+        return tuple(name for name in self.keep if name not in optional)
 
 
 @dataclass(frozen=True)
