@@ -50,6 +50,7 @@ _COMMANDS = (
     "map",
     "plot",
     "coreset",
+    "segments",
     "network",
     "match",
     "patch",
