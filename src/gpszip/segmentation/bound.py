@@ -75,7 +75,8 @@ def segment_mean_within(
     >>> track = Track("bend", range(6), positions)
     >>> segment_mean_within(track, max_error=0.01).k
     2
-    >>> segment_mean_within(track, max_error=0.01, k=3).m
+    >>> lane = Track("lane", range(24), [[x] for x in 2 * [0, 2, 4, 6, 8, 10, 10, 8, 6, 4, 2, 0]])
+    >>> segment_mean_within(lane, max_error=0.01, k=4).m
     2
     """
     _check_options(rmse, max_error, m)
