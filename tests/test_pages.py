@@ -51,6 +51,7 @@ PAGES = {
     "docs/parallel.md": (),
     "docs/patching.md": (),
     "docs/pictures.md": ("patrol", "fine", "medium", "coarse"),
+    "docs/segments.md": (),
     "docs/view.md": ("walks",),
     "README.md": ("monday", "north", "south"),
 }

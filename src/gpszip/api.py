@@ -5,6 +5,7 @@ Each function here is one call into :mod:`gpszip.pipeline`, or into the package 
 
 from __future__ import annotations
 
+import math
 import os
 import pathlib
 import sys
@@ -20,7 +21,17 @@ from numpy.typing import NDArray
 from gpszip.archive import Archive, ArchiveSource, open_archive
 from gpszip.errors import LossWarning, OptionError
 from gpszip.io.frames.recognise import is_frame
-from gpszip.model import Listener, Network, Options, Plane, ReadResult, SegmentMean, Track
+from gpszip.model import (
+    Likelihood,
+    Listener,
+    MarkovModel,
+    Network,
+    Options,
+    Plane,
+    ReadResult,
+    SegmentMean,
+    Track,
+)
 from gpszip.model.log import Log, MemoryLog
 from gpszip.model.selection import make_selection
 from gpszip.model.timestamps import Times
@@ -44,6 +55,8 @@ __all__ = [
     "decompress",
     "diff",
     "join",
+    "log_likelihood",
+    "markov_model",
     "match",
     "merge",
     "open",
@@ -789,19 +802,38 @@ def patch(
 
 
 def segment_mean(
-    track: Track, k: int | None = None, m: int | None = None, *, executor: Executor | None = None
+    tracks: Sequence[Track] | Track,
+    k: int | tuple[int, int] | None = None,
+    m: int | tuple[int, int] | None = None,
+    *,
+    rmse: float | None = None,
+    max_error: float | None = None,
+    gap: float = math.inf,
+    memo: str | os.PathLike[str] | None = None,
+    executor: Executor | None = None,
+    progress: Listener | None = None,
 ) -> SegmentMean:
-    """Approximate a track by k parts, each travelled along one of m segments: Algorithm 1.
+    """Approximate tracks by k parts, each travelled along one of m segments: Algorithm 1.
 
     Parameters
     ----------
-    track : Track
-        n samples.
-    k, m : int, optional
-        Numbers of parts and of segments, 1 <= m <= k <= n. Those left out are found at the elbow of
-        the fitting cost (Algorithms 3 and 4).
+    tracks : Track or sequence of Track
+        n samples in all, on one plane. Parts of all tracks share the segments, and no part goes on
+        from track to track. Weights of samples count.
+    k, m : int or (int, int), optional
+        Numbers of parts and of segments, 1 <= m <= k <= n. Of a range, and of those left out, the
+        numbers at the elbow of the fitting cost are found (Algorithms 3 and 4).
+    rmse, max_error : float, optional
+        Bounds in metres on the error of the samples. Where k or m is left out, it is the least that
+        holds them; where both are, few numbers describe the result.
+    gap : float, default infinite
+        Longer intervals between samples, in seconds, are gaps, which no part crosses.
+    memo : path, optional
+        Folder in which a search for the elbow keeps what it has solved.
     executor : Executor, optional
         Runs the work.
+    progress : callable, optional
+        Called with a :class:`Progress` for each step.
 
     Returns
     -------
@@ -811,7 +843,9 @@ def segment_mean(
     Raises
     ------
     OptionError
-        If k or m don't fit the track.
+        If k or m don't fit the tracks.
+    BoundError
+        If no numbers that are allowed hold the bound.
 
     Examples
     --------
@@ -820,10 +854,82 @@ def segment_mean(
     >>> mean = segment_mean(track, k=4, m=2)
     >>> mean.labels.tolist(), round(mean.cost, 6)
     ([0, 1, 0, 1], 0.0)
+    >>> segment_mean(track, k=4, rmse=0.1).m
+    2
     """
     from gpszip.pipeline.segment_mean import segment_mean as find_segment_mean
+    from gpszip.segmentation.memo import Memo
 
-    return find_segment_mean(track, k, m, executor=executor)
+    return find_segment_mean(
+        tracks,
+        k,
+        m,
+        rmse=rmse,
+        max_error=max_error,
+        gap=gap,
+        memo=None if memo is None else Memo(memo),
+        executor=executor,
+        progress=progress,
+    )
+
+
+def markov_model(mean: SegmentMean, tracks: Sequence[Track] | Track) -> MarkovModel:
+    """Return the Markov model of a segment mean: transitions, and the spread of samples.
+
+    Parameters
+    ----------
+    mean : SegmentMean
+        Of these tracks.
+    tracks : Track or sequence of Track
+        The tracks.
+
+    Examples
+    --------
+    >>> there_and_back = [0, 2, 4, 6, 8, 10, 10, 8, 6, 4, 2, 0]
+    >>> track = Track("lane", range(24), [[x] for x in 2 * there_and_back])
+    >>> model = markov_model(segment_mean(track, k=4, m=2), track)
+    >>> model.transitions.tolist(), model.counts.tolist(), model.probabilities.tolist()
+    ([[0, 1], [1, 0]], [2, 1], [1.0, 1.0])
+    """
+    from gpszip.pipeline.segment_mean import fit_model, join_runs
+
+    return fit_model(join_runs(tracks, math.inf), mean)[0]
+
+
+def log_likelihood(
+    model: MarkovModel, tracks: Sequence[Track] | Track, *, gap: float = math.inf
+) -> Likelihood:
+    """Return the log-likelihood of tracks under the Markov model of others.
+
+    The tracks are cut into parts that follow the segments of the model: cost plus a price for each
+    part is least.
+
+    Parameters
+    ----------
+    model : MarkovModel
+        The model.
+    tracks : Track or sequence of Track
+        On the plane of the model.
+    gap : float, default infinite
+        Longer intervals between samples, in seconds, are gaps.
+
+    Raises
+    ------
+    OptionError
+        If the tracks don't lie on the plane of the model.
+
+    Examples
+    --------
+    >>> there_and_back = [0, 2, 4, 6, 8, 10, 10, 8, 6, 4, 2, 0]
+    >>> track = Track("lane", range(24), [[x] for x in 2 * there_and_back])
+    >>> model = markov_model(segment_mean(track, k=4, m=2), track)
+    >>> away = Track("away", range(12), [[x + 1] for x in there_and_back])
+    >>> log_likelihood(model, track).per_sample > log_likelihood(model, away).per_sample
+    True
+    """
+    from gpszip.pipeline.segment_mean import find_likelihood_of
+
+    return find_likelihood_of(model, tracks, gap)
 
 
 def coreset(

@@ -53,6 +53,7 @@ COMMANDS = [
     "plot walk.gpsz --raw walk.csv -o out.svg",
     "coreset rough.csv -o out.parquet --size 9",
     "coreset walk.csv -o out.csv --size 9 --k 4 --points",
+    "segments rough.csv -o out.csv --k 4 --m 2",
     "network roads.geojson -o out.gpsz --metres",
     "match rough.csv --network roads.geojson -o out.geojson",
     "patch rough.csv --network roads.geojson -o out.csv --gap 10s",

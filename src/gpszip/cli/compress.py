@@ -137,7 +137,8 @@ _BOUND_OPTIONS = {
 @click.option(
     "--k",
     type=click.IntRange(1),
-    help="Number of parts in the thesis's (k,m)-segment mean, instead of the connected map.",
+    help="Number of parts in the thesis's (k,m)-segment mean, instead of the connected map. With a "
+    "bound, the least --m that holds it is found.",
 )
 @click.option(
     "--m",

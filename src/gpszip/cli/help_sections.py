@@ -16,7 +16,7 @@ _MIN_OPTIONS = 15
 _SECTIONS = {
     "Error bound": ("rmse", "max_error", "size", "ratio"),
     "Map": ("map_name", "update_map", "append", "network"),
-    "Learning": ("effort", "coreset", "k", "m", "layer"),
+    "Learning": ("effort", "coreset", "k", "m", "given", "memo", "layer"),
     "Reading": (
         "raw",
         "format",

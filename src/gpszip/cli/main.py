@@ -51,6 +51,7 @@ _COMMANDS = (
     "map",
     "plot",
     "coreset",
+    "segments",
     "network",
     "match",
     "patch",

@@ -332,6 +332,22 @@ _CORESET: Fields = {
     **_READ,
 }
 
+_SEGMENTS: Fields = {
+    "k": "integer: parts",
+    "m": "integer: segments that they share",
+    "points": "integer: samples of the logs",
+    "tracks": "integer: tracks",
+    "runs": "integer: tracks, and pieces between gaps",
+    "gap": "number|null: longer intervals, in seconds, are gaps; null for none",
+    "cost": "number: fitting cost in square metres",
+    "rmse": "number: root mean square error in metres",
+    "max_error": "number: largest error of any sample in metres",
+    "log_likelihood": "number: natural logarithm of the likelihood under the Markov model",
+    "log_likelihood_transitions": "number: share of it of the transitions between segments",
+    "log_likelihood_samples": "number: share of it of the samples about the segments",
+    **_READ,
+}
+
 _NETWORK: Fields = {
     "bytes": "integer: size of the file",
     "seconds": "number: time on the clock",
@@ -403,6 +419,7 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "map": ({**_OUTPUT, "edges": "integer: edges that were written"}, {}),
     "plot": ({**_OUTPUT, **_PLOT}, _READ),
     "coreset": ({**_OUTPUT, **_CORESET}, {}),
+    "segments": ({**_OUTPUT, **_SEGMENTS}, {}),
     "network": ({**_OUTPUT, **_NETWORK}, {}),
     "match": ({**_OUTPUT, **_MATCH}, {}),
     "patch": ({**_OUTPUT, **_PATCH}, {}),

@@ -8,23 +8,27 @@ where it refers to an undefined m_n.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Unpack
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
 from gpszip.model import SegmentMean, Track
-from gpszip.run.executor import Executor, SharedValue, share_value
-from gpszip.segmentation.em import SegmentMeanOptions, segment_mean
-from gpszip.segmentation.memo import Memo, memo_key
+from gpszip.run.executor import Executor, LocalValue, Serial, SharedValue, share_value
+from gpszip.segmentation.bound import Report
+from gpszip.segmentation.em import Problem, SegmentMeanOptions
+from gpszip.segmentation.memo import Memo
 
 __all__ = ["FoundParameters", "find_elbow", "find_parameters"]
 
-#: The track, and the options of all segment means.
-_TrackAndOptions = tuple[Track, SegmentMeanOptions]
+#: Share of tau by which an iteration has to lower it while k and m are searched. That of the result
+#: falls as far as it can. With less, a third to a half of the iterations are saved, and k and m
+#: stay the same on logs that were tried.
+_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,15 +62,19 @@ def find_parameters(
     k_range: tuple[int, int],
     m_range: tuple[int, int],
     *,
+    begins: NDArray[np.int64] | None = None,
     memo: Memo | None = None,
     executor: Executor | None = None,
+    report: Report | None = None,
     **options: Unpack[SegmentMeanOptions],
 ) -> FoundParameters:
-    """Find the k and m at the elbow of the fitting cost.
+    """Search the numbers of intervals and segments (algorithms 3 and 4).
 
-    For each m that is tried, the outer search takes the cost at the elbow over k. An elbow is the
+    For each m tried, the inner search finds the k at the elbow of the costs (k, cost) for this m
+    fixed; the outer search takes the cost at the elbow over k. An elbow is the
     point farthest below the line through the extremes. About log^2 runs of
-    :func:`gpszip.segmentation.em.segment_mean`.
+    :func:`gpszip.segmentation.em.segment_mean`, which stop early; only that of the result goes on
+    until its cost stops falling.
 
     Parameters
     ----------
@@ -74,34 +82,30 @@ def find_parameters(
         n samples.
     k_range, m_range : (int, int)
         Least and greatest k and m, both included. Only pairs with m <= k are tried.
+    begins : int64 array, shape (r,), optional
+        First sample of each run, as for :func:`gpszip.segmentation.em.segment_mean`.
     memo : Memo, optional
         Keeps solutions between calls, and between processes if it has a folder.
     executor : Executor, optional
         Solves independent (k, m) in parallel; the result is the same for any number of workers.
+    report : callable, optional
+        Told the share of the search that is done, about.
     **options
-        Passed to :func:`gpszip.segmentation.em.segment_mean`.
+        Passed to :func:`gpszip.segmentation.em.segment_mean`; ``tolerance`` is that of the result.
 
     Raises
     ------
     OptionError
         If a range is empty or doesn't fit the track.
     """
-    # Solutions are known to the memo by a key of the track and the options.
     _check_ranges(track, k_range, m_range)
     least_k, greatest_k = k_range
-    memo = memo or Memo()
-    key = memo_key(track, options)
-    tried: dict[tuple[int, int], SegmentMean] = {}
-
-    # Costs of pairs (k, m); each is solved once.
-    def costs_of_pairs(pairs: list[tuple[int, int]]) -> list[float]:
-        _solve_pairs(shared, pairs, tried, key, memo)
-        return [tried[pair].cost for pair in pairs]
+    search = _Search(track, begins, options, memo or Memo(), report, _expected(k_range, m_range))
 
     # Inner search: the elbow over k for one m.
     def best_k(m: int) -> int:
         return find_elbow(
-            max(least_k, m), greatest_k, lambda ks: costs_of_pairs([(k, m) for k in ks])
+            max(least_k, m), greatest_k, lambda ks: search.costs([(k, m) for k in ks])
         )
 
     # Outer search: the elbow over m of the costs at those k.
@@ -110,15 +114,16 @@ def find_parameters(
     # Cost at that k, which stands for m in the outer search.
     def best_costs(ms: list[int]) -> list[float]:
         best_ks.update({m: best_k(m) for m in ms})
-        return [tried[best_ks[m], m].cost for m in ms]
+        return [search.tried[best_ks[m], m].cost for m in ms]
 
     # Workers get the track and the options once, for all pairs.
-    with share_value(executor, (track, options)) as shared:
+    with share_value(executor, search.problem) as search.shared:
         m = find_elbow(*m_range, best_costs)
 
     # Report every pair tried with its cost, by k and then m.
-    evaluated = tuple(sorted((k, m, mean.cost) for (k, m), mean in tried.items()))
-    return FoundParameters(tried[best_ks[m], m], evaluated)
+    mean = search.solve_fully((best_ks[m], m), executor)
+    evaluated = tuple(sorted((k, m, mean.cost) for (k, m), mean in search.tried.items()))
+    return FoundParameters(mean, evaluated)
 
 
 def _check_ranges(track: Track, k_range: tuple[int, int], m_range: tuple[int, int]) -> None:
@@ -140,31 +145,82 @@ def _check_ranges(track: Track, k_range: tuple[int, int], m_range: tuple[int, in
         )
 
 
-def _solve_pairs(
-    shared: SharedValue[_TrackAndOptions],
-    pairs: Iterable[tuple[int, int]],
-    tried: dict[tuple[int, int], SegmentMean],
-    key: str,
-    memo: Memo,
-) -> None:
-    """Add the solutions of pairs to ``tried``; solve those that are not in the memo in parallel."""
-    # Known solutions.
-    for pair in pairs:
-        known = tried.get(pair) or memo.get(key, *pair)
-        if known is not None:
-            tried[pair] = known
+class _Search:
+    """The pairs (k, m) that were tried, and how others are solved.
 
-    # Missing ones.
-    missing = [pair for pair in dict.fromkeys(pairs) if pair not in tried]
-    for pair, mean in zip(missing, shared.map(_mean_of_pair, missing), strict=True):
-        tried[pair] = mean
-        memo.put(key, mean)
+    Parameters
+    ----------
+    track, begins, options, memo, report
+        Those of :func:`find_parameters`.
+    expected : int
+        About how many pairs will be tried.
+    """
+
+    def __init__(
+        self,
+        track: Track,
+        begins: NDArray[np.int64] | None,
+        options: SegmentMeanOptions,
+        memo: Memo,
+        report: Report | None,
+        expected: int,
+    ) -> None:
+        # Solutions are known to the memo by a key of the track and the options.
+        self.full = Problem(track, begins, **options)
+        tolerance = max(_TOLERANCE, self.full.options["tolerance"])
+        self.problem = self.full.with_tolerance(tolerance)
+        self.key, self.full_key = self.problem.key(), self.full.key()
+        self.tried: dict[tuple[int, int], SegmentMean] = {}
+        self.memo = memo
+        self.report = report or (lambda _share: None)
+        self.expected = expected
+        # Replaced by one whose workers may be elsewhere.
+        self.shared: SharedValue[Problem] = LocalValue(Serial(), self.problem)
+
+    def costs(self, pairs: list[tuple[int, int]]) -> list[float]:
+        """Return the costs of pairs; solve those in parallel that neither were tried nor noted."""
+        # Known solutions.
+        for pair in pairs:
+            known = self.tried.get(pair) or self.memo.get(self.key, *pair)
+            if known is not None:
+                self.tried[pair] = known
+
+        # Missing ones.
+        missing = [pair for pair in dict.fromkeys(pairs) if pair not in self.tried]
+        for pair, mean in zip(missing, self.shared.map(_mean_of_pair, missing), strict=True):
+            self.tried[pair] = mean
+            self.memo.put(self.key, mean)
+        self.report(min(len(self.tried) / self.expected, 1.0))
+        return [self.tried[pair].cost for pair in pairs]
+
+    def solve_fully(self, pair: tuple[int, int], executor: Executor | None) -> SegmentMean:
+        """Return the solution of a pair with the tolerance that the caller gave."""
+        mean = self.memo.get(self.full_key, *pair)
+        if mean is None:
+            mean = self.full.solve(*pair, executor=executor)
+            self.memo.put(self.full_key, mean)
+        return mean
 
 
-def _mean_of_pair(track_and_options: _TrackAndOptions, pair: tuple[int, int]) -> SegmentMean:
+def _mean_of_pair(problem: Problem, pair: tuple[int, int]) -> SegmentMean:
     """Return the segment mean with k intervals and m segments."""
-    track, options = track_and_options
-    return segment_mean(track, *pair, **options)
+    return problem.solve(*pair)
+
+
+def _expected(k_range: tuple[int, int], m_range: tuple[int, int]) -> int:
+    """About how many pairs a search tries: those of a curve without an elbow."""
+    tried: set[int] = set()
+
+    def flat(numbers: list[int]) -> list[float]:
+        tried.update(numbers)
+        return [0.0] * len(numbers)
+
+    # The numbers of m, times those of k.
+    find_elbow(*m_range, flat)
+    of_m = len(tried)
+    tried.clear()
+    find_elbow(*k_range, flat)
+    return of_m * len(tried)
 
 
 def find_elbow(low: int, high: int, costs_of: Callable[[list[int]], list[float]]) -> int:
