@@ -56,6 +56,7 @@ _COMMANDS = (
     "patch",
     "merge",
     "view",
+    "listen",
     "info",
     "verify",
     "diff",
