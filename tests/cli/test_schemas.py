@@ -65,6 +65,7 @@ COMMANDS = [
     "view walk.gpsz --raw rough.csv -o out.html",
     "diff walk.gpsz walk.csv",
     "diff walk.gpsz two.gpsz",
+    "listen --journal journal --stdin",
     "info walk.gpsz",
     "info two.gpsz --detail",
     "verify walk.gpsz",

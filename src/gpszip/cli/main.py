@@ -57,6 +57,7 @@ _COMMANDS = (
     "patch",
     "merge",
     "view",
+    "listen",
     "info",
     "verify",
     "diff",

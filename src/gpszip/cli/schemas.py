@@ -457,6 +457,14 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
         {"output": "string|null: file or folder", "logs": "integer: logs written"},
         {},
     ),
+    "listen": (
+        {
+            "journal": "string: folder of the journal",
+            "stored": "integer: fixes stored",
+            "counts": _table("integer: how often", "what else happened, such as repeats"),
+        },
+        {},
+    ),
     "info": (_INFO, _DETAIL),
     "verify": (
         {

@@ -1,0 +1,191 @@
+"""gpszip listen: take positions as they come, and keep them durably."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+from collections.abc import Sequence
+from datetime import UTC, tzinfo
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpszip.cli.options import Settings, common_options, quiet
+from gpszip.cli.outcome import Outcome
+
+if TYPE_CHECKING:
+    from gpszip.live import FixSource, Journal, Notices, Recorder
+
+__all__ = ["command"]
+
+#: Agent of receivers and streams that name none.
+_DEFAULT_NAME = "log"
+
+
+@click.command("listen", short_help="Take positions as they come, and keep them durably.")
+@click.option(
+    "--journal",
+    "folder",
+    metavar="DIR",
+    required=True,
+    help="Folder of the journal; it is made if it is missing.",
+)
+@click.option(
+    "--http",
+    metavar="HOST:PORT",
+    help="Serve OwnTracks, Overland, Traccar Client, OsmAnd and GPSLogger; 8085 means "
+    "127.0.0.1:8085.",
+)
+@click.option("--stdin", is_flag=True, help="Read standard input; the default without a source.")
+@click.option(
+    "--token",
+    metavar="TEXT",
+    envvar="GPSZIP_TOKEN",
+    show_envvar=True,
+    help="What senders have to know: a bearer token, or the password of basic authentication.",
+)
+@click.option(
+    "--name", metavar="TEXT", help="Name of the agent where a receiver or stream names none."
+)
+@click.option("--columns", metavar="ROLES", help="Which column of CSV is what: t=when,x=east.")
+@click.option(
+    "--timezone",
+    metavar="ZONE",
+    default="UTC",
+    show_default=True,
+    help="Zone of times that name none, such as Europe/Berlin.",
+)
+@quiet
+@common_options
+@click.pass_obj
+def command(
+    settings: Settings,
+    /,
+    folder: str,
+    quiet: bool,
+    **choices: Any,
+) -> Outcome:
+    """Take positions of phones, receivers and streams, and keep them in a journal on disk.
+
+    Senders are told that a position was taken once it is on disk: nothing that was acknowledged is
+    lost, whenever the machine stops. Repeats are left out. What can't be used is counted and told,
+    and not sent again by apps. Ctrl-C ends the command.
+    """
+    from gpszip.cli.output import print_status
+    from gpszip.live import Journal, Notices, Recorder
+
+    # Refuse what can be refused before anything is opened.
+    is_quiet = quiet or settings.json
+    notices = Notices(_no_line if is_quiet else print_status)
+    timezone = _timezone(choices["timezone"])
+    journal = Journal(folder)
+    try:
+        # Known fixes first, then sources: whoever connects is answered at once.
+        recorder = Recorder(journal, notices)
+        tell = _no_line if is_quiet else print_status
+        sources = _open_sources(choices, timezone, notices, recorder, tell)
+        asyncio.run(_listen(sources, journal, recorder, notices))
+    finally:
+        journal.close()
+    _print_result(folder, notices, settings, quiet=quiet)
+    return Outcome.DONE
+
+
+def _no_line(_text: str) -> None:
+    """Take a line that nobody wants to see."""
+
+
+async def _listen(
+    sources: Sequence[FixSource], journal: Journal, recorder: Recorder, notices: Notices
+) -> None:
+    from gpszip.live.listen import listen
+
+    await listen(sources, journal, recorder, notices)
+
+
+def _open_sources(
+    choices: dict[str, Any],
+    timezone: tzinfo,
+    notices: Notices,
+    recorder: Recorder,
+    tell: Any,
+) -> list[FixSource]:
+    """Open the sources that were asked for; standard input if there is none."""
+    sources: list[FixSource] = []
+    name = choices["name"] or ""
+    if choices["http"]:
+        from gpszip.live.sources.http import HttpSource
+
+        host, port = _address(choices["http"], "--http", 8085)
+        health = functools.partial(_health, recorder)
+        server = HttpSource(
+            host, port, notices, token=choices["token"], timezone=timezone, health=health
+        )
+        tell(f"listening at http://{server.address}")
+        sources.append(server)
+    if choices["stdin"] or not sources:
+        from gpszip.io.tables.roles import parse_columns
+        from gpszip.live.sources.stdin import StreamSource
+
+        columns = parse_columns(choices["columns"])
+        if isinstance(columns, tuple):
+            raise click.UsageError("--columns: name columns of the header, as t=when,x=east")
+        sources.append(
+            StreamSource(
+                0, "standard input", name or _DEFAULT_NAME, columns=columns, timezone=timezone
+            )
+        )
+    return sources
+
+
+def _health(recorder: Recorder) -> dict[str, Any]:
+    """Facts for monitors."""
+    return {
+        "status": "ok" if recorder.last_error is None else recorder.last_error,
+        "last_received": recorder.last_received,
+    }
+
+
+def _address(text: str, option: str, default_port: int) -> tuple[str, int]:
+    """Split HOST:PORT; a port alone is one of this machine.
+
+    Examples
+    --------
+    >>> _address("8085", "--http", 1), _address("[::1]:9", "--http", 1)
+    (('127.0.0.1', 8085), ('::1', 9))
+    """
+    # A bare number is a port, a bare name a host.
+    host, colon, port = text.rpartition(":")
+    if not colon:
+        host, port = ("127.0.0.1", text) if text.isdecimal() else (text, str(default_port))
+    host = host.strip("[]") or "127.0.0.1"
+    if not port.isdecimal() or int(port) > 65_535:
+        raise click.UsageError(f"{option} {text}: give HOST:PORT, such as 127.0.0.1:{default_port}")
+    return host, int(port)
+
+
+def _timezone(name: str) -> tzinfo:
+    from zoneinfo import ZoneInfo
+
+    if name == "UTC":
+        return UTC
+    try:
+        return ZoneInfo(name)
+    except (ValueError, OSError, KeyError):
+        raise click.UsageError(
+            f"--timezone {name}: no such zone; give one such as Europe/Berlin"
+        ) from None
+
+
+def _print_result(folder: str, notices: Notices, settings: Settings, *, quiet: bool) -> None:
+    """Say what was stored and left out."""
+    from gpszip.cli.output import print_json, print_status
+
+    counts = dict(notices.counts)
+    stored = counts.pop("stored", 0)
+    if settings.json:
+        print_json({"journal": folder, "stored": stored, "counts": counts})
+    elif not quiet:
+        kept = "1 fix" if stored == 1 else f"{stored:,} fixes"
+        others = [f"{event}: {number:,}" for event, number in counts.items()]
+        print_status("; ".join([f"{folder}: {kept} stored", *others]))
