@@ -127,14 +127,26 @@ def still_ranges(fixes: Fixes, window: float, radius: float) -> Floats:
     begins = begins[(begins >= times[0]) & (begins + window <= times[-1])]
     begins.sort()
 
-    # Those in which the track is still, joined where they overlap.
+    # Those in which the track is still, and long steps in which all windows are alike.
     _, variance, noise = _window_moments(fixes, begins, window)
     begins = begins[variance <= (_SPREAD_SHARE * radius) ** 2 + noise]
-    if not len(begins):
-        return np.zeros((0, 2))
-    starts = np.flatnonzero(np.append(True, np.diff(begins) > window))
-    ends = begins[np.append(starts[1:] - 1, len(begins) - 1)] + window
-    return np.stack([begins[starts], ends], axis=1)
+    steps = np.diff(times)
+    ways = np.sqrt((np.diff(fixes.positions, axis=0) ** 2).sum(axis=1))
+    slow = np.flatnonzero((steps >= window) & (ways <= _max_speed(window, radius) * steps))
+
+    # All of them, joined where they overlap.
+    starts = np.concatenate([begins, times[slow]])
+    ends = np.concatenate([begins + window, times[slow + 1]])
+    order = np.argsort(starts, kind="stable")
+    starts, ends = starts[order], np.maximum.accumulate(ends[order])
+    first = np.append(True, starts[1:] > ends[:-1]) if len(starts) else np.zeros(0, np.bool_)
+    last = np.append(first[1:], True) if len(starts) else first
+    return np.stack([starts[first], ends[last]], axis=1)
+
+
+def _max_speed(window: float, radius: float) -> float:
+    """Speed in m/s of a straight line whose spread in a window is that of a place."""
+    return math.sqrt(12) * _SPREAD_SHARE * radius / window
 
 
 class _Integrals(NamedTuple):
@@ -269,7 +281,7 @@ def _moves(fixes: Fixes, first: int, last: int, window: float, radius: float) ->
         return False
     way = float(np.sqrt(((fixes.positions[last] - fixes.positions[first]) ** 2).sum()))
     noise = float(np.median(fixes.noise[first : last + 1]))
-    return way - noise > 2 * math.sqrt(3) * _SPREAD_SHARE * radius / window * duration
+    return way - noise > _max_speed(window, radius) * duration
 
 
 def _split_at_drift(

@@ -485,12 +485,12 @@ def _share_gap(
     travel = min(_travel_time(fixes, row), after - before)
     spare = after - before - travel
 
-    # Who arrives by the last fix stays there; who is on the way goes on to where it is seen next.
+    # Whoever is on the way goes on to where it is seen next.
     if still_before and still_after:
         return before + spare / 2, after - spare / 2
-    if still_after:
-        return before, before + travel
-    return after - travel, after
+    if still_before:
+        return after - travel, after
+    return before, before + travel
 
 
 def _travel_time(fixes: Fixes, row: int) -> float:
