@@ -7,19 +7,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gpszip.geo.outliers import find_outliers
+from gpszip.geo.outliers import (
+    SPEED_FACTOR,
+    SPEED_QUANTILE,
+    mark_outliers,
+    min_adjacent_speeds,
+)
 
-__all__ = ["MAX_SPEED", "Fixes", "choose_fixes"]
+__all__ = ["DEFAULT_NOISE", "MAX_SPEED", "MIN_NOISE", "Fixes", "choose_fixes"]
 
 #: Metres per second that no traveller on the ground exceeds: fast trains travel at up to 97 m/s. A
 #: step that is faster is an error of the receiver, or a flight.
 MAX_SPEED = 100.0
 
 #: Metres; the least error of a fix. Receivers state less, but their errors last for minutes.
-_MIN_NOISE = 5.0
+MIN_NOISE = 5.0
 
 #: Metres; the error of a fix that states none: a phone under open sky, with some margin.
-_DEFAULT_NOISE = 15.0
+DEFAULT_NOISE = 15.0
 
 #: Metres up to which a fix is used in any case. Satellites give less, WiFi up to about this, and
 #: cells of a network more.
@@ -31,6 +36,13 @@ _NOISE_RATIO = 3.0
 #: Seconds; the best fix around is looked for in its own interval of this length, the one before
 #: and the one after.
 _NOISE_INTERVAL = 300.0
+
+#: Metres per second from which a way there and back, with a few fixes at its far end, is an outlier:
+#: a turn without a stop at 110 km/h.
+_MIN_JUMP_SPEED = 30.0
+
+#: Steps shorter than this share of the median count as that long, as for outliers of logs.
+_MIN_INTERVAL_SHARE = 0.5
 
 #: Fixes at exactly one position that are taken for one that a receiver repeats without a new one,
 #: if a step at an impossible speed follows.
@@ -71,7 +83,8 @@ def choose_fixes(
     positions: ArrayLike,
     accuracy: ArrayLike | None = None,
     *,
-    noise: float | None = None,
+    noise: float = DEFAULT_NOISE,
+    min_noise: float = MIN_NOISE,
 ) -> Fixes:
     """Choose the fixes of a track that tell where it was.
 
@@ -90,8 +103,10 @@ def choose_fixes(
         Metres.
     accuracy : array_like, shape (n,), optional
         Errors in metres that the log states; NaN or 0 where it states none.
-    noise : float, optional
+    noise : float
         Error in metres of fixes that state none.
+    min_noise : float
+        Least error in metres of any fix.
 
     Returns
     -------
@@ -105,16 +120,15 @@ def choose_fixes(
     """
     # Errors.
     times, positions = np.asarray(times, np.float64), np.asarray(positions, np.float64)
-    default = _DEFAULT_NOISE if noise is None else max(noise, _MIN_NOISE)
     stated = np.full(len(times), np.nan) if accuracy is None else np.asarray(accuracy, np.float64)
     known = np.isfinite(stated) & (stated > 0)
-    errors = np.where(known, np.maximum(np.where(known, stated, 1.0), _MIN_NOISE), default)
+    errors = np.maximum(np.where(known, stated, noise), min_noise)
     fixes = Fixes(times, positions, errors)
 
     # Fixes that tell nothing.
     fixes = fixes.take(~_is_poor(fixes))
     fixes = fixes.take(~_is_repeated(fixes))
-    return fixes.take(~find_outliers(fixes.times, fixes.positions))
+    return fixes.take(~_is_outlier(fixes))
 
 
 def _is_poor(fixes: Fixes) -> Bools:
@@ -146,3 +160,15 @@ def _is_repeated(fixes: Fixes) -> Bools:
     is_frozen = (last - first >= _MIN_REPEATS - 1) & (np.append(speeds, 0.0)[last] > MAX_SPEED)
     repeated: Bools = same & is_frozen[run]
     return repeated
+
+
+def _is_outlier(fixes: Fixes) -> Bools:
+    """Whether each fix jumps away and back, faster than the track and than any car."""
+    if len(fixes) < 3:
+        return np.zeros(len(fixes), np.bool_)
+    min_interval = _MIN_INTERVAL_SHARE * float(np.median(np.diff(fixes.times)))
+    speeds = min_adjacent_speeds(fixes.times, fixes.positions, min_interval)
+    moving = speeds[speeds > 0]
+    usual = float(np.quantile(moving, SPEED_QUANTILE)) if len(moving) else 0.0
+    limit = max(SPEED_FACTOR * usual, _MIN_JUMP_SPEED)
+    return mark_outliers(fixes.times, fixes.positions, min_interval, limit)

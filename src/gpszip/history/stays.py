@@ -30,8 +30,10 @@ _SPREAD_SHARE = 0.5
 #: would leave no digits for spreads.
 _BLOCK = 1 << 16
 
-#: Metres around the centre of a place that belong to it in any case.
+#: Metres around the centre of a place that belong to it in any case, but no more than a share of
+#: its radius.
 _MIN_REACH = 30.0
+_MIN_REACH_SHARE = 0.3
 
 #: Reach of a place as a multiple of the median distance of its fixes from their centre.
 _REACH_FACTOR = 2.0
@@ -59,6 +61,8 @@ class Halt:
         Error of a typical fix in metres.
     reach : float
         Metres around the centre within which fixes are at the place.
+    spread : float
+        Typical distance of positions from the centre in metres.
     """
 
     first: int
@@ -66,6 +70,7 @@ class Halt:
     centre: Floats
     noise: float
     reach: float
+    spread: float = 0.0
 
 
 def find_halts(fixes: Fixes, window: float, radius: float) -> list[Halt]:
@@ -323,11 +328,11 @@ def _trim(fixes: Fixes, first: int, last: int, radius: float) -> Halt:
 
     # How far fixes at the place are from there, and the first and the last of them.
     typical = _weighted_median(_distances(positions, centre), weights)
-    reach = min(max(_MIN_REACH, _REACH_FACTOR * typical, noise), radius + noise)
+    reach = min(max(min(_MIN_REACH, _MIN_REACH_SHARE * radius), _REACH_FACTOR * typical, noise), radius + noise)
     inside = np.flatnonzero(_distances(fixes.positions[first : last + 1], centre) <= reach)
     if not len(inside):
-        return Halt(first, last, centre, noise, reach)
-    return Halt(first + int(inside[0]), first + int(inside[-1]), centre, noise, reach)
+        return Halt(first, last, centre, noise, reach, typical)
+    return Halt(first + int(inside[0]), first + int(inside[-1]), centre, noise, reach, typical)
 
 
 def _sample(fixes: Fixes, first: int, last: int) -> tuple[Floats, Floats]:

@@ -9,7 +9,6 @@ silent until it is well on its way.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -97,19 +96,20 @@ class Stop:
     ----------
     start, end : float
         Seconds; estimated where the track was silent.
+    first_seen, last_seen : float
+        Times of the first and the last fix at the place.
     halt : Halt
         The fixes at the place.
     pause : bool
         Whether the trip goes on after it.
-    alone : bool
-        Whether it is a single fix between gaps, which may be an error.
     """
 
     start: float
     end: float
+    first_seen: float
+    last_seen: float
     halt: Halt
     pause: bool = False
-    alone: bool = False
 
     @property
     def duration(self) -> float:
@@ -171,6 +171,8 @@ class Timeline:
         Single fixes far off between gaps, which are left out.
     unseen : int
         Changes of place between stops that were not seen.
+    open : bool
+        Whether places that are known may tell more.
     """
 
     fixes: Fixes
@@ -178,11 +180,10 @@ class Timeline:
     moves: tuple[Move, ...]
     doubtful: tuple[Doubt, ...]
     unseen: int
+    open: bool
 
 
-def build_timeline(
-    fixes: Fixes, settings: Settings, confirmed: Collection[float] = ()
-) -> Timeline:
+def build_timeline(fixes: Fixes, settings: Settings, places: Floats | None = None) -> Timeline:
     """Find the stays and trips of a track.
 
     Parameters
@@ -191,8 +192,9 @@ def build_timeline(
         At least one.
     settings : Settings
         What counts as which.
-    confirmed : collection of float
-        Times of single fixes that were doubtful, and lie at places that are known.
+    places : float64 array, shape (k, d), optional
+        Centres of places that are known from other stays. A single fix between gaps at one of them
+        is no error, and a track that was seen there last or first stayed there.
 
     Returns
     -------
@@ -209,14 +211,13 @@ def build_timeline(
     [(1000, 2000)]
     """
     # Halts, without single fixes that nothing confirms: without these, other ones may be single.
-    known = {float(time) for time in confirmed}
     doubtful: list[Doubt] = []
     for _ in range(_MAX_ROUNDS):
         halts = _find_halts(fixes, settings)
         alone = [
             halt.first
             for halt in halts
-            if _is_alone(fixes, halt, settings) and float(fixes.times[halt.first]) not in known
+            if _is_alone(fixes, halt, settings) and not _is_known(halt, places, settings)
         ]
         if not alone or len(alone) == len(fixes):
             break
@@ -224,10 +225,11 @@ def build_timeline(
         fixes = fixes.take(~np.isin(np.arange(len(fixes)), alone))
 
     # Times of stops, and moves between them.
-    stops = _estimate_times(fixes, halts, settings)
+    stops = _estimate_times(fixes, halts, settings, places)
     moves, unseen = _find_moves(fixes, stops, settings)
     stops, moves = _join_over_pauses(stops, moves, settings)
-    return Timeline(fixes, tuple(stops), tuple(moves), tuple(doubtful), unseen)
+    is_open = bool(doubtful) or any(halt.first == halt.last for halt in halts)
+    return Timeline(fixes, tuple(stops), tuple(moves), tuple(doubtful), unseen, is_open)
 
 
 def _find_halts(fixes: Fixes, settings: Settings) -> list[Halt]:
@@ -298,6 +300,7 @@ def _merged(fixes: Fixes, one: Halt, other: Halt) -> Halt:
         share * one.centre + (1 - share) * other.centre,
         max(one.noise, other.noise),
         max(one.reach, other.reach),
+        share * one.spread + (1 - share) * other.spread,
     )
 
 
@@ -412,17 +415,26 @@ def _is_alone(fixes: Fixes, halt: Halt, settings: Settings) -> bool:
     return bool(min(before, after) >= settings.min_stay)
 
 
+def _is_known(halt: Halt, places: Floats | None, settings: Settings) -> bool:
+    """Whether a halt is at a place that is known."""
+    if places is None or not len(places):
+        return False
+    return bool(_distances(places, halt.centre).min() <= settings.radius + halt.noise)
+
+
 # Times.
 
 
-def _estimate_times(fixes: Fixes, halts: list[Halt], settings: Settings) -> list[Stop]:
+def _estimate_times(
+    fixes: Fixes, halts: list[Halt], settings: Settings, places: Floats | None
+) -> list[Stop]:
     """Return the stops with estimated times; those that turn out too short are left out."""
     # As they were seen.
     begins = [float(fixes.times[halt.first]) for halt in halts]
     ends = [float(fixes.times[halt.last]) for halt in halts]
     seen = [end - begin for begin, end in zip(begins, ends, strict=True)]
     is_still = [
-        duration >= _SEEN_STILL or _is_alone(fixes, halt, settings)
+        duration >= _SEEN_STILL or _is_known(halt, places, settings)
         for duration, halt in zip(seen, halts, strict=True)
     ]
 
@@ -435,13 +447,11 @@ def _estimate_times(fixes: Fixes, halts: list[Halt], settings: Settings) -> list
             ends[i] = _departure(fixes, halt)
         if i + 1 < len(halts):
             begins[i + 1] = _arrival(fixes, halts[i + 1])
-        if i == 0 and halt.first > 0:
-            begins[0] = _arrival(fixes, halt)
     if halts and halts[0].first > 0:
         begins[0] = _arrival(fixes, halts[0])
 
     return [
-        Stop(begin, end, halt, alone=halt.first == halt.last)
+        Stop(begin, end, float(fixes.times[halt.first]), float(fixes.times[halt.last]), halt)
         for begin, end, duration, halt in zip(begins, ends, seen, halts, strict=True)
         if end - begin >= settings.min_stay or duration >= _TURN_TIME
     ]

@@ -48,6 +48,8 @@ class Request:
         Further columns to keep as attributes.
     heading : bool
         Keep headings, if the log has some, as the attribute ``heading``.
+    accuracy : bool
+        Keep errors of positions, if the log states them, as the attribute ``accuracy`` in metres.
     dates : str, optional
         ``dmy``, ``mdy`` or ``ymd``, the order of day, month and year in dates such as 03/04/2024;
         found from all dates of the column if left out.
@@ -71,6 +73,7 @@ class Request:
     time_unit: str | None = None
     keep: tuple[str, ...] = ()
     heading: bool = False
+    accuracy: bool = False
     dates: str | None = None
     skip_bad: bool = False
     times: bool = True
@@ -256,6 +259,8 @@ def find_kept(
             shown = ", ".join(synonyms)
             raise InputError(f"no {name!r} to keep", path=where, remedy=f"its points have: {shown}")
         kept[name] = columns[0]
+    if request.accuracy and "accuracy" in synonyms:
+        kept["accuracy"] = "accuracy"
     return {**kept, "heading": heading} if request.heading else kept
 
 

@@ -47,6 +47,7 @@ class ReadOptions(TypedDict, total=False):
     split: bool
     keep: Sequence[str]
     heading: bool
+    accuracy: bool
     skip_bad: bool
     times: bool
     selection: Selection
@@ -73,6 +74,7 @@ def parse_options(options: ReadOptions) -> tuple[Request, CleaningOptions]:
         time_unit=options.get("time_unit"),
         keep=(keep,) if isinstance(keep, str) else tuple(keep),
         heading=options.get("heading", False),
+        accuracy=options.get("accuracy", False),
         dates=options.get("dates"),
         skip_bad=options.get("skip_bad", False),
         times=options.get("times", True),
@@ -150,6 +152,7 @@ def read_logs(
     split: bool = False,
     keep: Sequence[str] = (),
     heading: bool = False,
+    accuracy: bool = False,
     skip_bad: bool = False,
     times: bool = True,
     selection: Selection = EVERYTHING,
@@ -192,6 +195,9 @@ def read_logs(
         Keep a column of headings (``heading``, ``bearing``, ``course``, ...; the course of GPX
         points), if there is one, as the attribute ``heading``: degrees clockwise from north, NaN
         where unknown.
+    accuracy : bool
+        Keep a column of errors of positions (``accuracy``, ``acc``, ``eph``, ...), if there is one,
+        as the attribute ``accuracy``: metres, NaN where unknown.
     skip_bad : bool
         Leave out logs that can't be read, items of logs such as features of GeoJSON, and positions
         off the globe, instead of raising. Logs in a folder or zip archive that can't be read are
@@ -239,6 +245,7 @@ def read_logs(
         "split": split,
         "keep": keep,
         "heading": heading,
+        "accuracy": accuracy,
         "skip_bad": skip_bad,
         "times": times,
         "selection": selection,
