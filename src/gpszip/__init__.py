@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         read,
         save_coreset,
         segment_mean,
+        trips,
     )
     from gpszip.archive import Archive, TrackView
     from gpszip.codec.waypoints import Waypoints
@@ -72,6 +73,7 @@ if TYPE_CHECKING:
     from gpszip.model.match import Break, Match, Matching, Piece, Route, Scales
     from gpszip.model.merge_report import Deviation, MergeReport
     from gpszip.model.read_result import Loss, OtherFiles
+    from gpszip.model.trips import Place, Stay, Trip, Trips
     from gpszip.pipeline.live import Matcher
     from gpszip.run import Dask, Processes, Serial, Threads
     from gpszip.run.executor import Executor, SharedValue
@@ -124,6 +126,7 @@ __all__ = [
     "Patching",
     "Piece",
     "PiecewiseLinear",
+    "Place",
     "Plane",
     "Processes",
     "Progress",
@@ -137,11 +140,14 @@ __all__ = [
     "SegmentMean",
     "Serial",
     "SharedValue",
+    "Stay",
     "Threads",
     "Track",
     "TrackDifference",
     "TrackError",
     "TrackView",
+    "Trip",
+    "Trips",
     "UnknownFormatError",
     "UnknownTrackError",
     "Walk",
@@ -164,6 +170,7 @@ __all__ = [
     "read",
     "save_coreset",
     "segment_mean",
+    "trips",
     "write_page",
 ]
 
@@ -185,6 +192,7 @@ _HOMES = {
         "read",
         "save_coreset",
         "segment_mean",
+        "trips",
     ),
     "gpszip.archive": (
         "Archive",
@@ -251,6 +259,12 @@ _HOMES = {
         "MergeReport",
     ),
     "gpszip.model.read_result": ("Loss", "OtherFiles"),
+    "gpszip.model.trips": (
+        "Place",
+        "Stay",
+        "Trip",
+        "Trips",
+    ),
     "gpszip.pipeline.live": ("Matcher",),
     "gpszip.run": (
         "Dask",

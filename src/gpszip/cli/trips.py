@@ -289,9 +289,10 @@ def _describe(found: Trips) -> list[str]:
     # Places with their hours, and trips between them.
     if found.timezone:
         said = {"default": ", as none was given", "place": ", that of the first place"}
-        lines.append(f"local hours are those of {found.timezone}{said.get(found.timezone_from, '')}")
-    for place in found.places[:_MAX_PLACES]:
-        lines.append(_describe_place(place))
+        lines.append(
+            f"local hours are those of {found.timezone}{said.get(found.timezone_from, '')}"
+        )
+    lines += [_describe_place(place) for place in found.places[:_MAX_PLACES]]
     if len(found.places) > _MAX_PLACES:
         lines.append(f"and {format_count(len(found.places) - _MAX_PLACES, 'more place')}")
     pairs = list(found.matrix.items())[:_MAX_PAIRS]

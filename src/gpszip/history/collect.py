@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
+from gpszip.geo.planes import plane_changes
 from gpszip.history.fixes import DEFAULT_NOISE, MIN_NOISE, choose_fixes
 from gpszip.history.local_time import find_zone, hour_rows, zone_of_place
 from gpszip.history.measure import Travel, measure_travel
@@ -81,7 +82,8 @@ def collect_trips(
     Parameters
     ----------
     tracks : iterable of TrackSamples
-        Something that can be iterated twice. Memory holds one track at a time, with the lines of all trips.
+        Something that can be iterated twice. Memory holds one track at a time, and the lines of all
+        trips.
     plane : Plane or None
         Where positions lie on the earth.
     settings : Settings
@@ -103,15 +105,41 @@ def collect_trips(
     if timezone is not None:
         find_zone(timezone)
 
-    # Each track by itself; then those anew for which places that are known tell more.
-    histories = [_read_history(track, settings, None) for track in tracks]
-    _, centres = _group([stop for each in histories for stop in each.stops], settings)
+    # Each track by itself; then those anew for which places tell more at which stays were seen.
+    parts = _Parts(tracks, plane)
+    histories = [_read_history(track, settings, None) for track in parts]
+    seen = [
+        stop
+        for each in histories
+        for stop in each.stops
+        if stop.last_seen - stop.first_seen >= settings.min_stay
+    ]
+    _, centres = _group(seen, settings)
     if len(centres) and any(each.open for each in histories):
         histories = [
             _read_history(track, settings, centres) if before.open else before
-            for track, before in zip(tracks, histories, strict=True)
+            for track, before in zip(parts, histories, strict=True)
         ]
     return _Collection(histories, plane, settings, timezone).trips()
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """Tracks, cut where they go on on another plane, to which there is no distance."""
+
+    tracks: Iterable[TrackSamples]
+    plane: Plane | None
+
+    def __iter__(self) -> Iterator[TrackSamples]:
+        for track in self.tracks:
+            cuts = np.flatnonzero(plane_changes(track.positions, self.plane)) + 1
+            for rows in np.split(np.arange(len(track.times)), cuts) if len(cuts) else [...]:
+                yield replace(
+                    track,
+                    times=track.times[rows],
+                    positions=track.positions[rows],
+                    accuracy=None if track.accuracy is None else track.accuracy[rows],
+                )
 
 
 def _check(settings: Settings) -> None:
@@ -125,17 +153,13 @@ def _read_history(track: TrackSamples, settings: Settings, places: Floats | None
     # Errors are those of phones, unless places are small: then the receiver must be a better one.
     noise = math.hypot(min(DEFAULT_NOISE, _NOISE_SHARE * settings.radius), track.added_noise)
     least = math.hypot(min(MIN_NOISE, _NOISE_SHARE * settings.radius), track.added_noise)
-    fixes = choose_fixes(
-        track.times, track.positions, track.accuracy, noise=noise, min_noise=least
-    )
+    fixes = choose_fixes(track.times, track.positions, track.accuracy, noise=noise, min_noise=least)
     line = build_timeline(fixes, settings, places)
     moves = [
         (move, measure_travel(line.fixes, move.start, move.end, move.begin, move.finish))
         for move in line.moves
     ]
-    return _History(
-        track.id, line.stops, tuple(moves), line.unseen, len(line.doubtful), line.open
-    )
+    return _History(track.id, line.stops, tuple(moves), line.unseen, len(line.doubtful), line.open)
 
 
 def _group(stops: Sequence[Stop], settings: Settings) -> tuple[Integers, Floats]:

@@ -37,12 +37,20 @@ _NOISE_RATIO = 3.0
 #: and the one after.
 _NOISE_INTERVAL = 300.0
 
-#: Metres per second from which a way there and back, with a few fixes at its far end, is an outlier:
-#: a turn without a stop at 110 km/h.
+#: Metres per second from which a way there and back, with a few fixes at its far end, is an
+#: outlier: nobody turns at 110 km/h.
 _MIN_JUMP_SPEED = 30.0
 
 #: Steps shorter than this share of the median count as that long, as for outliers of logs.
 _MIN_INTERVAL_SHARE = 0.5
+
+#: Fixes that are left out if they lead away and back at once, and the seconds in which they must do
+#: so: no stay of minutes fits into these, and a single fix shows no trip.
+_EXCURSIONS = ((1, 900.0), (2, 300.0), (3, 300.0), (4, 300.0))
+
+#: The ways there and back are longer than this factor times the step that skips these fixes, or
+#: than the errors of the fixes around.
+_EXCURSION_RATIO = 4.0
 
 #: Fixes at exactly one position that are taken for one that a receiver repeats without a new one,
 #: if a step at an impossible speed follows.
@@ -128,7 +136,7 @@ def choose_fixes(
     # Fixes that tell nothing.
     fixes = fixes.take(~_is_poor(fixes))
     fixes = fixes.take(~_is_repeated(fixes))
-    return fixes.take(~_is_outlier(fixes))
+    return _drop_excursions(fixes.take(~_is_outlier(fixes)))
 
 
 def _is_poor(fixes: Fixes) -> Bools:
@@ -160,6 +168,36 @@ def _is_repeated(fixes: Fixes) -> Bools:
     is_frozen = (last - first >= _MIN_REPEATS - 1) & (np.append(speeds, 0.0)[last] > MAX_SPEED)
     repeated: Bools = same & is_frozen[run]
     return repeated
+
+
+def _drop_excursions(fixes: Fixes) -> Fixes:
+    """Leave out few fixes that lead far away and back at once.
+
+    A run of fixes is left out if the steps to it and from it are much longer than the step that
+    skips it. Where a traveller turns back, this takes the last few fixes before and after the turn.
+    """
+    for run, longest in _EXCURSIONS:
+        if len(fixes) < run + 2:
+            continue
+        times, positions, noise = fixes.times, fixes.positions, fixes.noise
+        skip = _lengths(positions[run + 1 :] - positions[: -run - 1])
+        skip = np.maximum(skip, noise[run + 1 :] + noise[: -run - 1])
+        steps = _lengths(np.diff(positions, axis=0))
+        there, back = steps[: len(skip)], steps[run:]
+        brief = times[run + 1 :] - times[: -run - 1] <= longest
+        starts = np.flatnonzero(brief & (np.minimum(there, back) > _EXCURSION_RATIO * skip)) + 1
+
+        # Without these; runs that overlap are left out both.
+        kept = np.ones(len(fixes), np.bool_)
+        for offset in range(run):
+            kept[starts + offset] = False
+        fixes = fixes.take(kept)
+    return fixes
+
+
+def _lengths(differences: Floats) -> Floats:
+    lengths: Floats = np.sqrt((differences**2).sum(axis=1))
+    return lengths
 
 
 def _is_outlier(fixes: Fixes) -> Bools:

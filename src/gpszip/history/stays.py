@@ -296,7 +296,7 @@ def _split_at_drift(
     times = fixes.times[first : last + 1]
     if times[-1] - times[0] < 2 * window:
         return [(first, last)]
-    positions, errors = _sample(fixes, first, last)
+    positions, _ = _sample(fixes, first, last)
     centre = np.array([np.median(axis) for axis in positions.T])
 
     # Means of windows around fixes, which the place and their errors don't explain.
@@ -328,7 +328,10 @@ def _trim(fixes: Fixes, first: int, last: int, radius: float) -> Halt:
 
     # How far fixes at the place are from there, and the first and the last of them.
     typical = _weighted_median(_distances(positions, centre), weights)
-    reach = min(max(min(_MIN_REACH, _MIN_REACH_SHARE * radius), _REACH_FACTOR * typical, noise), radius + noise)
+    reach = min(
+        max(min(_MIN_REACH, _MIN_REACH_SHARE * radius), _REACH_FACTOR * typical, noise),
+        radius + noise,
+    )
     inside = np.flatnonzero(_distances(fixes.positions[first : last + 1], centre) <= reach)
     if not len(inside):
         return Halt(first, last, centre, noise, reach, typical)

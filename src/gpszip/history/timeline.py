@@ -22,14 +22,12 @@ __all__ = ["Doubt", "Move", "Settings", "Stop", "Timeline", "build_timeline"]
 #: Length of a way as a multiple of the straight line: 1.3 in towns, by roads or on foot.
 _WAY_FACTOR = 1.3
 
-#: Metres per second of a walk, for ways of up to _WALKED metres and at the ends of trips.
+#: Metres per second of a walk.
 _WALKING_SPEED = 1.3
 
-#: Metres per second of a longer way through a town, with waits, by car, bicycle or bus.
-_RIDING_SPEED = 8.0
-
-#: Metres of a straight line that most people walk.
-_WALKED = 1000.0
+#: Metres of straight lines, and the speeds in m/s at which ways of up to this length are travelled
+#: with waits: on foot, through a town by car, bicycle or bus, and by motorway or train.
+_USUAL_SPEEDS = ((1000.0, _WALKING_SPEED), (30_000.0, 8.0), (math.inf, 25.0))
 
 #: Metres per second squared by which travellers speed up and slow down at most, on average over a
 #: way from rest to rest: buses and trains at about 1.
@@ -256,7 +254,7 @@ def _add_gaps(fixes: Fixes, halts: list[Halt], settings: Settings) -> list[Halt]
 
     ends = set()
     for row in rows[~inside].tolist():
-        if _travel_time(fixes, row) < _TRAVEL_SHARE * gaps[row]:
+        if gaps[row] > _MAX_GAP or _travel_time(fixes, row) < _TRAVEL_SHARE * gaps[row]:
             ends |= {row, row + 1}
     ends -= {row for halt in halts for row in (halt.first, halt.last)}
     singles = [_single(fixes, row, settings) for row in sorted(ends)]
@@ -375,7 +373,7 @@ def _add_turns(fixes: Fixes, halts: list[Halt], settings: Settings) -> list[Halt
 
     # Between two halts at one place, or from the first fix to the last if there is none.
     added = list(halts)
-    bounds = list(zip(halts, halts[1:], strict=False))
+    bounds = list(pairwise(halts))
     if not halts and len(fixes) > 1:
         bounds = [(_single(fixes, 0, settings), _single(fixes, len(fixes) - 1, settings))]
     if halts and halts[0].first > 0:
@@ -506,9 +504,12 @@ def _share_gap(
 def _travel_time(fixes: Fixes, row: int) -> float:
     """Seconds that the way between two successive fixes takes at the speed around it."""
     way = _distance(fixes.positions[row], fixes.positions[row + 1])
-    usual = _WALKING_SPEED if way < _WALKED else _RIDING_SPEED
-    speed = max(_speed_before(fixes, row), _speed_after(fixes, row + 1), usual)
-    return _WAY_FACTOR * way / speed
+    speeds = (_speed_before(fixes, row), _speed_after(fixes, row + 1), _usual_speed(way))
+    return _WAY_FACTOR * way / max(speeds)
+
+
+def _usual_speed(way: float) -> float:
+    return next(speed for longest, speed in _USUAL_SPEEDS if way <= longest)
 
 
 def _speed_before(fixes: Fixes, row: int) -> float:
@@ -535,9 +536,7 @@ def _speed(fixes: Fixes, first: int, last: int) -> float:
 # Moves.
 
 
-def _find_moves(
-    fixes: Fixes, stops: list[Stop], settings: Settings
-) -> tuple[list[Move], int]:
+def _find_moves(fixes: Fixes, stops: list[Stop], settings: Settings) -> tuple[list[Move], int]:
     """Return the moves between stops that are trips, and the number of those not seen."""
     moves, unseen = list[Move](), 0
     for i in range(len(stops) + 1):
@@ -600,8 +599,8 @@ def _edge_halt(fixes: Fixes, row: int, settings: Settings) -> Halt:
 def _fills(fixes: Fixes, one: Halt, other: Halt) -> bool:
     """Whether the way from one halt to the next takes a good part of the time between them."""
     way = _distance(one.centre, other.centre)
-    duration = _WAY_FACTOR * way / (_WALKING_SPEED if way < _WALKED else _RIDING_SPEED)
-    return duration >= _TRAVEL_SHARE * float(fixes.times[other.first] - fixes.times[one.last])
+    gap = float(fixes.times[other.first] - fixes.times[one.last])
+    return gap <= _MAX_GAP and _WAY_FACTOR * way / _usual_speed(way) >= _TRAVEL_SHARE * gap
 
 
 def _join_over_pauses(

@@ -257,9 +257,7 @@ def _axes(position: tuple[float, ...], found: Trips) -> dict[str, float]:
     names = ["lat", "lon"] if found.geographic else [*"xyz"]
     names += [f"x{i}" for i in range(4, len(position) + 1)]
     digits = _DECIMALS + DEGREE_DIGITS if found.geographic else _DECIMALS
-    return {
-        name: round(value, digits) + 0.0 for name, value in zip(names, position, strict=False)
-    }
+    return {name: round(value, digits) + 0.0 for name, value in zip(names, position, strict=False)}
 
 
 # Files.
@@ -289,9 +287,7 @@ def _write_text(text: str, target: str) -> None:
         sink.write(text.encode("utf-8", "backslashreplace"))
 
 
-def _write_features(
-    features: Iterable[dict[str, Any]], target: str, *, geographic: bool
-) -> None:
+def _write_features(features: Iterable[dict[str, Any]], target: str, *, geographic: bool) -> None:
     # The slice strips the braces, so that the member stands beside "features".
     member = "" if geographic else f"{json.dumps(METRES_MEMBER)[1:-1]}, "
     lines = ",\n".join(json.dumps(_strict(each), ensure_ascii=False) for each in features)
