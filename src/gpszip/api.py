@@ -695,7 +695,7 @@ def trips(
     >>> found.matrix, round(found.trips[0].length)
     ({(1, 2): 1}, 5000)
     """
-    from gpszip.history.timeline import Settings
+    from gpszip.history.values import Settings
     from gpszip.pipeline.diff import holds_archive
     from gpszip.pipeline.trips import trips_of_archive, trips_of_log
 

@@ -16,7 +16,8 @@ from gpszip.history.local_time import find_zone, hour_rows, zone_of_place
 from gpszip.history.measure import Travel, measure_travel
 from gpszip.history.places import group_stops
 from gpszip.history.roles import Role, find_roles, usual_hours
-from gpszip.history.timeline import Move, Settings, Stop, build_timeline
+from gpszip.history.timeline import build_timeline
+from gpszip.history.values import Move, Settings, Stop
 from gpszip.model.grid import Plane
 from gpszip.model.projection import map_coordinates
 from gpszip.model.timestamps import counts_from_1970

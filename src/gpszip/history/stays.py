@@ -10,7 +10,6 @@ are none, as the windows are longer than the one, and the other moves on.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -18,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.history.fixes import Fixes
+from gpszip.history.values import Halt
 
-__all__ = ["Halt", "find_halts", "still_ranges"]
+__all__ = ["find_halts", "still_ranges"]
 
 #: The spread within a place of a radius r, as a share of r: what a uniform line of length
 #: 2 r sqrt(3) / 2 has, so that whoever moves at r sqrt(3) in a window (0.6 m/s for 100 m in 5 min)
@@ -45,32 +45,6 @@ _MAX_SAMPLES = 2001
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class Halt:
-    """A time range in which a track stays in place.
-
-    Parameters
-    ----------
-    first, last : int
-        Numbers of the first and the last fix at the place.
-    centre : float64 array, shape (d,)
-        Metres.
-    noise : float
-        Error of a typical fix in metres.
-    reach : float
-        Metres around the centre within which fixes are at the place.
-    spread : float
-        Typical distance of positions from the centre in metres.
-    """
-
-    first: int
-    last: int
-    centre: Floats
-    noise: float
-    reach: float
-    spread: float = 0.0
 
 
 def find_halts(fixes: Fixes, window: float, radius: float) -> list[Halt]:

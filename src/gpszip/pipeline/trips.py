@@ -10,7 +10,7 @@ import numpy as np
 from gpszip.archive import Archive
 from gpszip.errors import OptionError
 from gpszip.history.collect import TrackSamples, collect_trips
-from gpszip.history.timeline import Settings
+from gpszip.history.values import Settings
 from gpszip.io.tables.roles import names_accuracy
 from gpszip.model import Track
 from gpszip.model.trips import Trips
