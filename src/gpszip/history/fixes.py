@@ -99,9 +99,9 @@ def choose_fixes(
     1. A fix has the error that it states. One without, or with an error of 0, which phones write
        where they don't know, has a common one.
     2. Fixes with an error of more than 100 m are left out where much better ones are around.
-    3. Positions that a receiver repeats while it travels on are left out: those before a step at
+    3. Outliers, which jump away and back, are left out.
+    4. Positions that a receiver repeats while it travels on are left out: those before a step at
        an impossible speed.
-    4. Outliers, which jump away and back, are left out.
 
     Parameters
     ----------
@@ -135,8 +135,8 @@ def choose_fixes(
 
     # Fixes that tell nothing.
     fixes = fixes.take(~_is_poor(fixes))
-    fixes = fixes.take(~_is_repeated(fixes))
-    return _drop_excursions(fixes.take(~_is_outlier(fixes)))
+    fixes = _drop_excursions(fixes.take(~_is_outlier(fixes)))
+    return fixes.take(~_is_repeated(fixes))
 
 
 def _is_poor(fixes: Fixes) -> Bools:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -17,8 +19,9 @@ def group_stops(
     """Group stops to places.
 
     The heaviest stop that has no place yet makes one, with all stops within the radius; then each
-    place moves to the mean of its stops, and each stop goes to the place nearest to it. Stops of
-    large errors make no places of their own where others are within these errors.
+    place moves to the mean of its stops, where exact stops count more, and each stop goes to the
+    place nearest to it. Stops of errors larger than the radius make no places of their own where
+    others are within these errors.
 
     Parameters
     ----------
@@ -52,21 +55,27 @@ def group_stops(
     if not len(positions):
         return np.zeros(0, np.int64), positions
 
-    # The heaviest stop and those around it, exact stops first.
+    # The heaviest stop and those around it.
     label = np.full(len(positions), -1)
-    tree = cKDTree(positions)
-    leaders: list[int] = []
-    for stop in np.lexsort((-weights, noise > radius)).tolist():
-        if label[stop] >= 0:
-            continue
-        around = np.array(tree.query_ball_point(positions[stop], radius))
-        label[around[label[around] < 0]] = len(leaders)
-        leaders.append(stop)
+    is_exact = noise <= radius
+    leaders = _lead(
+        positions, np.flatnonzero(is_exact), weights, np.full(len(noise), radius), label
+    )
 
-    # Places at the means of their stops; each stop at the nearest one within its reach.
-    centres = _means(positions, weights, label, len(leaders))
+    # Stops of large errors: at the place nearest to them, or at places of their own.
+    rest = np.flatnonzero(~is_exact)
+    if len(rest) and leaders:
+        distance, nearest = cKDTree(positions[leaders]).query(positions[rest])
+        within = distance <= radius + noise[rest]
+        label[rest[within]] = nearest[within]
+        rest = rest[~within]
+    leaders = _lead(positions, rest, weights, radius + noise, label, leaders)
+
+    # Places at the means of their stops, as exact as these are; each exact stop at the nearest.
+    shares = weights / np.maximum(noise, 1.0) ** 2
+    centres = _means(positions, shares, label, len(leaders))
     distance, nearest = cKDTree(centres).query(positions)
-    label = np.where(distance <= radius + noise, nearest, label)
+    label = np.where(is_exact & (distance <= radius), nearest, label)
 
     # Numbers by weight, without those that lost all stops.
     mass = np.bincount(label, weights, len(leaders))
@@ -74,7 +83,33 @@ def group_stops(
     rank = np.zeros(len(leaders), np.int64)
     rank[order] = np.arange(len(order))
     label = rank[label]
-    return label, _means(positions, weights, label, len(order))
+    return label, _means(positions, shares, label, len(order))
+
+
+def _lead(
+    positions: Floats,
+    rows: Integers,
+    weights: Floats,
+    reach: Floats,
+    label: Integers,
+    leaders: Sequence[int] = (),
+) -> list[int]:
+    """Label some stops by the heaviest one within the reach of which they lie; return all leaders.
+
+    Labels go on after those of earlier leaders.
+    """
+    from scipy.spatial import cKDTree
+
+    found = list(leaders)
+    if not len(rows):
+        return found
+    tree = cKDTree(positions[rows])
+    for stop in rows[np.argsort(-weights[rows], kind="stable")].tolist():
+        if label[stop] < 0:
+            around = rows[tree.query_ball_point(positions[stop], reach[stop])]
+            label[around[label[around] < 0]] = len(found)
+            found.append(stop)
+    return found
 
 
 def _means(positions: Floats, weights: Floats, label: Integers, count: int) -> Floats:

@@ -254,13 +254,13 @@ def _split_at_jumps(
 
 
 def _moves(fixes: Fixes, first: int, last: int, window: float, radius: float) -> bool:
-    """Whether some fixes of less than a window lead away too fast for a halt."""
-    duration = float(fixes.times[last] - fixes.times[first])
-    if first == last or duration >= window:
-        return False
-    way = float(np.sqrt(((fixes.positions[last] - fixes.positions[first]) ** 2).sum()))
-    noise = float(np.median(fixes.noise[first : last + 1]))
-    return way - noise > _max_speed(window, radius) * duration
+    """Whether some fixes of less than a window are on the way, apart from those at their ends."""
+    halt = _trim(fixes, first, last, radius)
+    duration = float(fixes.times[halt.last] - fixes.times[halt.first])
+    if halt.first == halt.last or duration >= window:
+        return first != last and duration < window
+    way = math.dist(fixes.positions[halt.first], fixes.positions[halt.last])
+    return way - halt.noise > _max_speed(window, radius) * duration
 
 
 def _split_at_drift(
