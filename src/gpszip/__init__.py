@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         read,
         save_coreset,
         segment_mean,
+        trips,
     )
     from gpszip.archive import Archive, TrackView
     from gpszip.codec.waypoints import Waypoints
@@ -76,6 +77,7 @@ if TYPE_CHECKING:
     from gpszip.model.match import Break, Match, Matching, Piece, Route, Scales
     from gpszip.model.merge_report import Deviation, MergeReport
     from gpszip.model.read_result import Loss, OtherFiles
+    from gpszip.model.trips import Place, Stay, Trip, Trips
     from gpszip.pipeline.live import Matcher
     from gpszip.run import Dask, Processes, Serial, Threads
     from gpszip.run.executor import Executor, SharedValue
@@ -130,6 +132,7 @@ __all__ = [
     "Patching",
     "Piece",
     "PiecewiseLinear",
+    "Place",
     "Plane",
     "Processes",
     "Progress",
@@ -143,11 +146,14 @@ __all__ = [
     "SegmentMean",
     "Serial",
     "SharedValue",
+    "Stay",
     "Threads",
     "Track",
     "TrackDifference",
     "TrackError",
     "TrackView",
+    "Trip",
+    "Trips",
     "UnknownFormatError",
     "UnknownTrackError",
     "Walk",
@@ -172,6 +178,7 @@ __all__ = [
     "read",
     "save_coreset",
     "segment_mean",
+    "trips",
     "write_page",
 ]
 
@@ -195,6 +202,7 @@ _HOMES = {
         "read",
         "save_coreset",
         "segment_mean",
+        "trips",
     ),
     "gpszip.archive": (
         "Archive",
@@ -263,6 +271,12 @@ _HOMES = {
         "MergeReport",
     ),
     "gpszip.model.read_result": ("Loss", "OtherFiles"),
+    "gpszip.model.trips": (
+        "Place",
+        "Stay",
+        "Trip",
+        "Trips",
+    ),
     "gpszip.pipeline.live": ("Matcher",),
     "gpszip.run": (
         "Dask",

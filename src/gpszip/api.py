@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from gpszip.model.difference import Difference
     from gpszip.model.match import Matching
     from gpszip.model.patching import Patching
+    from gpszip.model.trips import Trips
     from gpszip.pipeline.diff import Side
     from gpszip.sketches.coreset import Coreset
 
@@ -65,6 +66,7 @@ __all__ = [
     "read",
     "save_coreset",
     "segment_mean",
+    "trips",
 ]
 
 
@@ -674,6 +676,78 @@ def diff(
     from gpszip.pipeline.diff import diff as diff_sides
 
     return diff_sides(_side_to_compare(first, gap), _side_to_compare(second, gap), worst=worst)
+
+
+def trips(
+    source: Archive | Logs,
+    *,
+    min_stay: float = 300.0,
+    max_pause: float = 900.0,
+    radius: float = 100.0,
+    timezone: str | None = None,
+) -> Trips:
+    """Find the stays and trips of a log or an archive, and the places that they join.
+
+    Parameters
+    ----------
+    source : Archive, path, stream, frame, Track, or sequence of Track or path
+        A file is an archive if it begins like one, else a log. Tracks may have their errors in
+        metres as the attribute ``accuracy``; logs are read with them, and put in the order of time.
+    min_stay : float, default 300
+        Seconds; shorter stops are no stays, unless a trip turns back at them.
+    max_pause : float, default 900
+        Seconds; shorter stays on the way don't end a trip.
+    radius : float, default 100
+        Metres around the centre of a place that belong to it.
+    timezone : str, optional
+        Time zone of local hours, such as ``Europe/Berlin``. By default that of the place where most
+        time is spent, if the package timezonefinder is there, else UTC.
+
+    Returns
+    -------
+    Trips
+        With stays, trips, places, and the number of trips between places.
+
+    Raises
+    ------
+    InputError, CorruptArchiveError
+        If a file can't be read.
+    OptionError
+        If no track has times, there is no such time zone, or a number is not positive.
+
+    Examples
+    --------
+    >>> times = np.arange(0, 3001, 10)
+    >>> x = np.interp(times, [0, 1000, 2000, 3000], [0, 0, 5000, 5000])
+    >>> found = trips(Track("phone", times, np.stack([x, 0 * x], axis=1)))
+    >>> found
+    Trips(1 trip, 2 stays, 2 places)
+    >>> found.matrix, round(found.trips[0].length)
+    ({(1, 2): 1}, 5000)
+    """
+    from gpszip.history.values import Settings
+    from gpszip.pipeline.diff import holds_archive
+    from gpszip.pipeline.trips import trips_of_archive, trips_of_log
+
+    # A file that begins like an archive.
+    settings = Settings(min_stay, max_pause, radius)
+    if isinstance(source, str | os.PathLike) and pathlib.Path(source).is_file():
+        with pathlib.Path(source).open("rb") as file:
+            is_archive = holds_archive(file.read(8))
+        source = open_archive(source) if is_archive else source
+    if isinstance(source, Archive):
+        return trips_of_archive(source, settings, timezone)
+
+    # A log.
+    files = _files_among(source)
+    if files is None:
+        tracks = [source] if isinstance(source, Track) else cast("Sequence[Track]", source)
+        return trips_of_log(tracks, settings, timezone)
+    from gpszip.io.logs.read import read_logs
+
+    read_result = read_logs(_as_names(files), accuracy=True, sort=True)
+    _warn_of_losses(read_result)
+    return trips_of_log(read_result.tracks, settings, timezone)
 
 
 def join(archives: Sequence[Archive | ArchiveSource]) -> Archive:

@@ -55,6 +55,7 @@ _COMMANDS = (
     "network",
     "match",
     "patch",
+    "trips",
     "merge",
     "view",
     "listen",

@@ -235,6 +235,7 @@ def find_csv_roles(dialect: Dialect, request: Request, where: str) -> Roles:
         request.keep,
         where,
         heading=request.heading,
+        accuracy=request.accuracy,
         cells=dialect.hint_cells,
         times=request.times,
     )

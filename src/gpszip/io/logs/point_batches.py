@@ -243,6 +243,8 @@ class _Assembler:
         if self._request.heading:
             headings = [name for name in _HEADINGS if name in batch.attributes]
             kept |= {"heading": headings[0]} if headings else {}
+        if self._request.accuracy and "accuracy" in batch.attributes:
+            kept["accuracy"] = "accuracy"
         unused = [name for name in batch.attributes if name not in kept.values()]
 
         # Tracks are numbered in the order of the file.

@@ -67,6 +67,8 @@ class Request:
     heights : bool
         Keep heights, if a file of GPX, KML, TCX or FIT has some, as the attribute ``ele``. A name
         of heights in ``keep`` may then be missing there.
+    accuracy : bool
+        Keep errors of positions, if the log states them, as the attribute ``accuracy`` in metres.
     dates : str, optional
         ``dmy``, ``mdy`` or ``ymd``, the order of day, month and year in dates such as 03/04/2024;
         found from all dates of the column if left out.
@@ -90,6 +92,7 @@ class Request:
     time_unit: str | None = None
     keep: tuple[str, ...] = ()
     heading: bool = False
+    accuracy: bool = False
     dates: str | None = None
     skip_bad: bool = False
     times: bool = True
@@ -294,6 +297,8 @@ def find_kept(
             shown = ", ".join(synonyms)
             raise InputError(f"no {name!r} to keep", path=where, remedy=f"its points have: {shown}")
         kept[name] = columns[0]
+    if request.accuracy and "accuracy" in synonyms:
+        kept["accuracy"] = "accuracy"
     return {**kept, "heading": heading} if request.heading else kept
 
 

@@ -48,6 +48,7 @@ class ReadOptions(TypedDict, total=False):
     keep: Sequence[str]
     heading: bool
     heights: bool
+    accuracy: bool
     skip_bad: bool
     times: bool
     selection: Selection
@@ -75,6 +76,7 @@ def parse_options(options: ReadOptions) -> tuple[Request, CleaningOptions]:
         keep=(keep,) if isinstance(keep, str) else tuple(keep),
         heading=options.get("heading", False),
         heights=options.get("heights", False),
+        accuracy=options.get("accuracy", False),
         dates=options.get("dates"),
         skip_bad=options.get("skip_bad", False),
         times=options.get("times", True),
@@ -153,6 +155,7 @@ def read_logs(
     keep: Sequence[str] = (),
     heading: bool = False,
     heights: bool = False,
+    accuracy: bool = False,
     skip_bad: bool = False,
     times: bool = True,
     selection: Selection = EVERYTHING,
@@ -197,6 +200,9 @@ def read_logs(
         where unknown.
     heights : bool
         Keep the heights of GPX, KML, TCX and FIT, if there are some, as the attribute ``ele``.
+    accuracy : bool
+        Keep a column of errors of positions (``accuracy``, ``acc``, ``eph``, ...), if there is one,
+        as the attribute ``accuracy``: metres, NaN where unknown.
     skip_bad : bool
         Leave out logs that can't be read, items of logs such as features of GeoJSON, and positions
         off the globe, instead of raising. Logs in a folder or zip archive that can't be read are
@@ -245,6 +251,7 @@ def read_logs(
         "keep": keep,
         "heading": heading,
         "heights": heights,
+        "accuracy": accuracy,
         "skip_bad": skip_bad,
         "times": times,
         "selection": selection,

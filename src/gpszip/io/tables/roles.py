@@ -15,7 +15,7 @@ from gpszip.errors import InputError, NoPositionsError, OptionError
 from gpszip.io.logs.raw import HEIGHT_NAMES
 from gpszip.io.values.coordinates import HEMISPHERES, Axis
 
-__all__ = ["Roles", "find_roles", "parse_columns", "time_unit_in_name"]
+__all__ = ["Roles", "find_roles", "names_accuracy", "parse_columns", "time_unit_in_name"]
 
 
 def _words(text: str) -> tuple[str, ...]:
@@ -107,6 +107,13 @@ _HEADING = _words("""
     gps_heading gps_bearing gps_course ground_course direction_of_travel azimuth
 """)
 
+#: Names of errors of positions in metres. HDOP and its like are factors, no lengths.
+_ACCURACY = _words("""
+    accuracy horizontal_accuracy gps_accuracy location_accuracy position_accuracy accuracy_meters
+    accuracy_metres h_accuracy haccuracy h_acc hacc acc eph est_horizontal_error
+    estimated_horizontal_error location_horizontal_accuracy horizontal_error
+""")
+
 #: Largest number of columns from a coordinate to a column of hemispheres with any other name, as in
 #: lat, lon, hemisphere of lat, hemisphere of lon.
 _MAX_HEMISPHERE_OFFSET = 3
@@ -156,6 +163,8 @@ class Roles:
         Attributes to keep, by name.
     heading : int, optional
         Heading in degrees clockwise from north.
+    accuracy : int, optional
+        Error of the position in metres.
     hemispheres : tuple of int or None
         Hemispheres of latitude and longitude, None for an axis without; empty if there are none.
     """
@@ -166,12 +175,13 @@ class Roles:
     id: int | None
     keep: Mapping[str, int]
     heading: int | None = None
+    accuracy: int | None = None
     hemispheres: tuple[int | None, ...] = ()
 
     @property
     def used(self) -> tuple[int, ...]:
         """All columns to read, without duplicates, in the order of the table."""
-        optional = (self.id, self.heading, *self.hemispheres)
+        optional = (self.id, self.heading, self.accuracy, *self.hemispheres)
         given = (i for i in optional if i is not None)
         return tuple(sorted({*self.time, *self.axes, *self.keep.values(), *given}))
 
@@ -183,6 +193,7 @@ def find_roles(
     where: str,
     *,
     heading: bool = False,
+    accuracy: bool = False,
     cells: Callable[[int], Sequence[str]] | None = None,
     times: bool = True,
 ) -> Roles:
@@ -199,8 +210,8 @@ def find_roles(
         Attributes to keep.
     where : str
         Name of the log for messages.
-    heading : bool, default False
-        Whether to look for headings; a log may have none.
+    heading, accuracy : bool, default False
+        Whether to look for headings, and for errors of positions; a log may have none.
     cells : callable, optional
         Returns some of the texts of a column. With it, columns of N, S, E and W are found also by
         their content.
@@ -260,6 +271,7 @@ def find_roles(
         id=find("id", _ID),
         keep={name: _find_attribute(names, plain, name, where) for name in keep},
         heading=find("heading", _HEADING) if heading else None,
+        accuracy=find("accuracy", _ACCURACY) if accuracy else None,
     )
     if not geographic:
         return roles
@@ -323,6 +335,17 @@ def time_unit_in_name(name: str) -> float | None:
     # A single word such as `s` or `ms` may stand for anything; only these two are clear.
     has_unit = len(words) > 1 or words[0] in ("seconds", "milliseconds")
     return _UNITS.get(words[-1]) if has_unit else None
+
+
+def names_accuracy(name: str) -> bool:
+    """Whether a column of this name holds errors of positions in metres.
+
+    Examples
+    --------
+    >>> names_accuracy("horizontalAccuracy"), names_accuracy("hdop")
+    (True, False)
+    """
+    return _normalise_name(name) in _ACCURACY
 
 
 def _normalise_name(name: str) -> str:

@@ -192,6 +192,7 @@ def open_point_rows(
         request.keep,
         where,
         heading=request.heading,
+        accuracy=request.accuracy,
         times=request.times,
     )
     # Coordinates of geometries have a sign, so there are no hemispheres.
