@@ -237,6 +237,7 @@ def find_csv_roles(dialect: Dialect, request: Request, where: str) -> Roles:
         heading=request.heading,
         cells=dialect.hint_cells,
         times=request.times,
+        optional=request.optional,
     )
 
 

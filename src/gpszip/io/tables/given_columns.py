@@ -84,4 +84,5 @@ def find_requested_roles(names: tuple[str, ...], request: Request, where: str) -
         where,
         heading=request.heading,
         times=request.times,
+        optional=request.optional,
     )

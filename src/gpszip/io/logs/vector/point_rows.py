@@ -193,6 +193,7 @@ def open_point_rows(
         where,
         heading=request.heading,
         times=request.times,
+        optional=request.optional,
     )
     # Coordinates of geometries have a sign, so there are no hemispheres.
     roles = replace(roles, hemispheres=())
