@@ -134,6 +134,17 @@ def test_append_goes_on_as_the_archive_is(gpszip, hike):
     found = package.open("with.gpsz").curve("hike", "ele", START + np.arange(300.0))
     assert np.abs(found - np.append(hike, _hills(100))).max() <= 3
 
+    # A table without heights leaves them out, too; its own heights go on.
+    Path("table.csv").write_text(f"track_id,t,lat,lon\nb,{START},52,13.4\nb,{START + 60},52,13.4\n")
+    Path("high.csv").write_text(
+        f"track_id,t,lat,lon,alt\nc,{START},52,13.4,7\nc,{START + 60},52,13.4,8\n"
+    )
+    done = gpszip("compress table.csv high.csv -o with.gpsz --append --effort 1")
+    assert done.code == 0, done.err
+    archive = package.open("with.gpsz")
+    assert np.isnan(archive.curve("b", "ele", START + 30.0))
+    assert abs(archive.curve("c", "ele", START + 30.0) - 7.5) <= 3
+
     # A dry run counts them; without heights of the new log, the old ones stay.
     done = gpszip("compress more.gpx -o new.gpsz --dry-run --effort 1")
     assert done.code == 0, done.err

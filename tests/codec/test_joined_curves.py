@@ -112,6 +112,11 @@ def test_curves_too_far_apart_are_refused():
     assert fine.unit == 1_000_000
     with pytest.raises(OptionError, match="too far apart"):
         join_columns([[CurvePart(fine, 0, 0.0, 1e-6)], [CurvePart(late, 0, 4e9, 4e9)]], "x")
+    # Forged grids, too.
+    for bound, step in ((1e-320, 1e300), (5e-324, 5e-324), (1e300, 1e-300)):
+        forged = CurveColumn(bound, step, 1, late.knots)
+        with pytest.raises(OptionError, match="too far apart"):
+            join_columns([[CurvePart(fine, 0, 0, 1)], [CurvePart(forged, 0, 4e9, 4e9)]], "x")
 
 
 @settings(deadline=None, max_examples=60)

@@ -238,6 +238,7 @@ def find_csv_roles(dialect: Dialect, request: Request, where: str) -> Roles:
         accuracy=request.accuracy,
         cells=dialect.hint_cells,
         times=request.times,
+        optional=request.optional,
     )
 
 

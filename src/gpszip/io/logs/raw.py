@@ -65,8 +65,8 @@ class Request:
     heading : bool
         Keep headings, if the log has some, as the attribute ``heading``.
     heights : bool
-        Keep heights, if a file of GPX, KML, TCX or FIT has some, as the attribute ``ele``. A name
-        of heights in ``keep`` may then be missing there.
+        Keep heights, if a file of GPX, KML, TCX or FIT has some, as the attribute ``ele``. Where
+        ``keep`` names heights, any file may lack them, instead.
     accuracy : bool
         Keep errors of positions, if the log states them, as the attribute ``accuracy`` in metres.
     dates : str, optional
@@ -104,7 +104,7 @@ class Request:
 
     @property
     def optional(self) -> tuple[str, ...]:
-        """Columns to keep of GPX, KML, TCX and FIT where a file has them.
+        """Columns to keep where a file has them.
 
         Examples
         --------
@@ -116,7 +116,7 @@ class Request:
 
     @property
     def required(self) -> tuple[str, ...]:
-        """Columns to keep that each file of these formats must have."""
+        """Columns to keep that each file must have."""
         optional = self.optional
         return tuple(name for name in self.keep if name not in optional)
 

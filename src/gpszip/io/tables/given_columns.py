@@ -85,4 +85,5 @@ def find_requested_roles(names: tuple[str, ...], request: Request, where: str) -
         heading=request.heading,
         accuracy=request.accuracy,
         times=request.times,
+        optional=request.optional,
     )

@@ -196,6 +196,7 @@ def find_roles(
     accuracy: bool = False,
     cells: Callable[[int], Sequence[str]] | None = None,
     times: bool = True,
+    optional: Sequence[str] = (),
 ) -> Roles:
     """Find the roles of a table's columns.
 
@@ -217,6 +218,8 @@ def find_roles(
         their content.
     times : bool, default True
         Whether a column of times is required.
+    optional : sequence of str
+        Names of heights in ``keep`` that may be missing.
 
     Returns
     -------
@@ -269,7 +272,11 @@ def find_roles(
         axes=tuple(axis for axis in axes if axis is not None),
         geographic=geographic,
         id=find("id", _ID),
-        keep={name: _find_attribute(names, plain, name, where) for name in keep},
+        keep={
+            name: _find_attribute(names, plain, name, where)
+            for name in keep
+            if name not in optional or {name, *HEIGHT_NAMES} & {*names, *plain}
+        },
         heading=find("heading", _HEADING) if heading else None,
         accuracy=find("accuracy", _ACCURACY) if accuracy else None,
     )

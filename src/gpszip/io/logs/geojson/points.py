@@ -109,6 +109,7 @@ class PointTable:
             self._name,
             heading=request.heading,
             accuracy=request.accuracy,
+            optional=request.optional,
         )
         roles = replace(roles, hemispheres=())
 

@@ -194,6 +194,7 @@ def open_point_rows(
         heading=request.heading,
         accuracy=request.accuracy,
         times=request.times,
+        optional=request.optional,
     )
     # Coordinates of geometries have a sign, so there are no hemispheres.
     roles = replace(roles, hemispheres=())
