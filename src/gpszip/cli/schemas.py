@@ -404,6 +404,18 @@ _PARTS: Fields = {
     "parts": _list(_object(_ARCHIVE), "archives that were written"),
 }
 
+#: What was appended to archives.
+_ROLLED = _object(
+    {
+        "fixes": "integer: fixes of the journal, without repeats",
+        "known": "integer: those of them that archives held already",
+        "late": "integer: those that went to further tracks of their agents",
+        "damaged": "integer: records that can't be read",
+        "segments": "integer: segments that were deleted",
+        "archives": _list("string: a file", "archives that were written"),
+    }
+)
+
 #: Fields of each command's output, and those that may be missing.
 _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "compress": ({**_OUTPUT, **_COMPRESSION}, {}),
@@ -462,6 +474,10 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
             "journal": "string: folder of the journal",
             "stored": "integer: fixes stored",
             "counts": _table("integer: how often", "what else happened, such as repeats"),
+            "archived": {
+                "anyOf": [{"type": "null"}, _ROLLED],
+                "description": "what was appended to archives; null without --archive",
+            },
         },
         {},
     ),
