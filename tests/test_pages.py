@@ -38,6 +38,7 @@ PAGES = {
     "docs/robots.md": (),
     "docs/fleets.md": ("monday", "tuesday"),
     "docs/phones.md": (),
+    "docs/trips.md": (),
     "docs/lossless.md": (),
     "docs/notebooks.md": ("monday", "tuesday", "fleet"),
     "docs/qgis.md": ("fleet",),

@@ -57,6 +57,8 @@ COMMANDS = [
     "network roads.geojson -o out.gpsz --metres",
     "match rough.csv --network roads.geojson -o out.geojson",
     "patch rough.csv --network roads.geojson -o out.csv --gap 10s",
+    "trips rough.csv -o out.csv --radius 5m --min-stay 1s",
+    "trips walk.gpsz",
     "merge walk.gpsz two.gpsz -o out.gpsz --deviation 1",
     "select two.gpsz --track a -o out.gpsz",
     "split two.gpsz --by track -o parts",

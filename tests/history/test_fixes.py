@@ -42,10 +42,10 @@ def test_few_fixes_far_away_are_left_out():
         assert left == [10.0 * i for i in range(20) if not 5 <= i < 5 + run]
 
     # five are too many, and so are two in ten minutes
-    x = np.zeros(20)
+    x = np.arange(20) % 2 * 3.0
     x[5:10] = 900 + np.arange(5)
     assert len(kept(10.0 * np.arange(20), np.stack([x, x], axis=1))) == 20
-    x = np.zeros(20)
+    x = np.arange(20) % 2 * 3.0
     x[5:7] = 900, 950
     assert len(kept(200.0 * np.arange(20), np.stack([x, x], axis=1))) == 20
 
@@ -53,5 +53,6 @@ def test_few_fixes_far_away_are_left_out():
 def test_errors_of_fixes_around_allow_for_steps():
     x = np.zeros(9)
     x[4] = 900.0
-    assert len(kept(10.0 * np.arange(9), np.stack([x, x], axis=1), np.full(9, 95.0))) == 8
-    assert len(kept(10.0 * np.arange(9), np.stack([x, 0 * x], axis=1), np.full(9, 200.0))) == 9
+    places, times = np.stack([x, 0 * x], axis=1), 60.0 * np.arange(9)
+    assert len(kept(times, places, np.full(9, 95.0))) == 8
+    assert len(kept(times, places, np.full(9, 200.0))) == 9

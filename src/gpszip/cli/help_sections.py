@@ -35,7 +35,7 @@ _SECTIONS = {
     "Selection": ("tracks", "since", "until", "bbox"),
     "What is kept": ("keep", "heights", "keep_times", "times"),
     "Work": ("memory", "workers", "engine", "scheduler", "dry_run"),
-    "Output": ("target", "kind", "force", "quiet", "json", "debug", "--help"),
+    "Output": ("target", "places_target", "kind", "force", "quiet", "json", "debug", "--help"),
 }
 
 

@@ -317,6 +317,60 @@ _MERGE: Fields = {
     "left_out": _table("string: why", "archives that can't be read"),
 }
 
+#: A place, as a row of trips --places. Hours and weekdays are missing where times are no dates.
+_PLACE = {
+    "type": "object",
+    "description": "lat and lon, or x, y and z; h00 to h23 and mon to sun are seconds spent there",
+    "properties": {
+        "place": _field("integer: number, by the time spent there"),
+        "spread": _field("number: root mean square distance of its stays in metres"),
+        "visits": _field("integer: stays"),
+        "dwell_s": _field("number: seconds of all stays"),
+        "first": _field("number|null: begin of the first stay"),
+        "last": _field("number|null: end of the last stay"),
+        "departures": _field("integer: trips from there"),
+        "arrivals": _field("integer: trips to there"),
+        "role": _field("string: home, work or empty, by the hours of stays"),
+        "evidence": _field("string: the counts behind the role"),
+        "usual_hours": _field("string: local hours such as 0-7, 18-24"),
+    },
+    "required": ["place", "spread", "visits", "dwell_s", "first", "last", "role", "evidence"],
+    "additionalProperties": _field("number: a coordinate, or seconds of an hour or weekday"),
+}
+
+#: What gpszip trips found.
+_TRIPS: Fields = {
+    "output": "string|null: file of stays and trips; - is standard output",
+    "places_output": "string|null: file of places; - is standard output",
+    "trips": "integer: trips",
+    "stays": "integer: stays",
+    "length": "number: metres of all trips",
+    "moving_s": "number: seconds in motion of all trips",
+    "unseen": "integer: changes of place in gaps, which are no trips",
+    "doubtful": "integer: single fixes far off between gaps, which are left out",
+    "timezone": "string|null: time zone of local hours; null where times are no dates",
+    "timezone_from": {
+        "enum": ["option", "place", "default", None],
+        "description": "who said the time zone",
+    },
+    "places": _list(_PLACE, "places, by the time spent there"),
+    "matrix": _list(
+        _object(
+            {
+                "from": "integer: number of a place",
+                "to": "integer: number of a place",
+                "trips": "integer: trips from the one to the other",
+                "median_s": "number: median of their durations in seconds",
+            }
+        ),
+        "trips between places, most frequent first",
+    ),
+    "read": {
+        "anyOf": [_object(_READ), {"type": "null"}],
+        "description": "what reading the log lost and repaired; null for an archive",
+    },
+}
+
 _CORESET: Fields = {
     "samples": "integer: samples of the log",
     "tracks": "integer: tracks",
@@ -435,6 +489,7 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "network": ({**_OUTPUT, **_NETWORK}, {}),
     "match": ({**_OUTPUT, **_MATCH}, {}),
     "patch": ({**_OUTPUT, **_PATCH}, {}),
+    "trips": (_TRIPS, {}),
     "merge": ({**_OUTPUT, **_MERGE}, {}),
     "view": ({**_OUTPUT, "bytes": "integer: size of the page"}, _VIEW_LOG),
     "join": (_ARCHIVE, {}),

@@ -21,7 +21,7 @@ from gpszip.history.travel import (
 )
 from gpszip.history.values import Halt, Settings
 
-__all__ = ["TURN_TIME", "choose_halts", "is_alone", "is_known", "is_same"]
+__all__ = ["TURN_TIME", "choose_halts", "find_known", "is_alone", "is_same"]
 
 #: Fixes on the way that a trip has at least: a single one may be an error.
 _MIN_ROUTE_FIXES = 2
@@ -219,8 +219,12 @@ def is_alone(fixes: Fixes, halt: Halt, settings: Settings) -> bool:
     return bool(min(before, after) >= settings.min_stay)
 
 
-def is_known(halt: Halt, places: Floats | None, settings: Settings) -> bool:
-    """Whether a halt is at a place that is known."""
+def find_known(
+    halt: Halt, places: Floats | None, settings: Settings, *, allowance: float = 0.0
+) -> int | None:
+    """Number of the known place at which a halt is, within an allowance in metres; None without."""
     if places is None or not len(places):
-        return False
-    return bool(distances(places, halt.centre).min() <= settings.radius + halt.noise)
+        return None
+    away = distances(places, halt.centre)
+    nearest = int(away.argmin())
+    return nearest if away[nearest] <= settings.radius + halt.noise + allowance else None

@@ -67,7 +67,7 @@ def group_stops(
     if len(rest) and leaders:
         distance, nearest = cKDTree(positions[leaders]).query(positions[rest])
         within = distance <= radius + noise[rest]
-        label[rest[within]] = nearest[within]
+        label[rest[within]] = np.asarray(nearest)[within]
         rest = rest[~within]
     leaders = _lead(positions, rest, weights, radius + noise, label, leaders)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.history.fixes import Fixes
-from gpszip.history.halts import TURN_TIME, is_known
+from gpszip.history.halts import TURN_TIME, find_known
 from gpszip.history.travel import (
     MAX_GAP,
     WAY_FACTOR,
@@ -33,15 +33,21 @@ def estimate_stops(
     begins = [float(fixes.times[halt.first]) for halt in halts]
     ends = [float(fixes.times[halt.last]) for halt in halts]
     seen = [end - begin for begin, end in zip(begins, ends, strict=True)]
-    is_still = [
-        duration >= _SEEN_STILL or is_known(halt, places, settings)
-        for duration, halt in zip(seen, halts, strict=True)
+    known = [
+        find_known(halt, places, settings, allowance=_next_step(fixes, halt, settings))
+        for halt in halts
     ]
 
     # When each is left and reached.
     for i, halt in enumerate(halts):
         if i + 1 < len(halts) and halts[i + 1].first == halt.last + 1:
-            ends[i], begins[i + 1] = _share_gap(fixes, halt.last, is_still[i], is_still[i + 1])
+            # At a place that is known, too, a track stays, unless it is seen there again.
+            elsewhere = known[i] != known[i + 1]
+            still = [
+                seen[row] >= _SEEN_STILL or (elsewhere and known[row] is not None)
+                for row in (i, i + 1)
+            ]
+            ends[i], begins[i + 1] = _share_gap(fixes, halt.last, *still)
             continue
         if halt.last + 1 < len(fixes):
             ends[i] = _departure(fixes, halt)
@@ -55,6 +61,20 @@ def estimate_stops(
         for begin, end, duration, halt in zip(begins, ends, seen, halts, strict=True)
         if end - begin >= settings.min_stay or duration >= TURN_TIME
     ]
+
+
+def _next_step(fixes: Fixes, halt: Halt, settings: Settings) -> float:
+    """Metres by which a track on the way may have gone on beyond a halt of a single fix, unseen.
+
+    It is the step before or after it, whichever is not the gap.
+    """
+    rows = [row for row in (halt.first - 1, halt.last) if 0 <= row < len(fixes) - 1]
+    steps = [
+        distance(fixes.positions[row], fixes.positions[row + 1])
+        for row in rows
+        if fixes.times[row + 1] - fixes.times[row] < _SEEN_STILL
+    ]
+    return min(max(steps, default=0.0), settings.radius) if halt.first == halt.last else 0.0
 
 
 def _departure(fixes: Fixes, halt: Halt) -> float:

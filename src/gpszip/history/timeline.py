@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.history.fixes import Fixes
-from gpszip.history.halts import choose_halts, is_alone, is_known
+from gpszip.history.halts import choose_halts, find_known, is_alone
 from gpszip.history.moves import find_moves, join_over_pauses
 from gpszip.history.stops import estimate_stops
 from gpszip.history.values import Doubt, Settings, Timeline
@@ -59,7 +59,7 @@ def build_timeline(fixes: Fixes, settings: Settings, places: Floats | None = Non
         alone = [
             halt.first
             for halt in halts
-            if is_alone(fixes, halt, settings) and not is_known(halt, places, settings)
+            if is_alone(fixes, halt, settings) and find_known(halt, places, settings) is None
         ]
         if not alone or len(alone) == len(fixes):
             break
