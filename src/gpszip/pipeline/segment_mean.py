@@ -134,13 +134,14 @@ def learn_model(
             progress(Progress("segment mean", done, len(signal.joined)))
 
     report(0.0)
-    executor = None if executor is None else resolve_executor(executor)
+    workers = None if executor is None else resolve_executor(executor)
     bounded = rmse is not None or max_error is not None
     if bounded:
-        return _learn_within(signal, k, m, rmse, max_error, executor, report)
+        return _learn_within(signal, k, m, rmse, max_error, workers, report)
     if isinstance(k, int) and isinstance(m, int):
-        return with_both(signal.joined, k, m, signal.begins, executor=executor)
-    return _search(signal, k, m, memo, executor, report)
+        return with_both(signal.joined, k, m, signal.begins, executor=workers)
+    # Pairs (k, m) are solved by threads unless the caller says otherwise.
+    return _search(signal, k, m, memo, resolve_executor(executor), report)
 
 
 def _learn_within(

@@ -176,6 +176,7 @@ class Problem:
         self.track = track
         self.begins = np.zeros(1, np.int64) if begins is None else np.asarray(begins, np.int64)
         self.options: SegmentMeanOptions = {**_DEFAULTS, **options}
+        self.least_gain = 0.0
         _check_choices(self.options, len(self.begins))
 
         # Prefix sums in ticks, from which the cost of any interval follows, and partitions and
@@ -184,15 +185,33 @@ class Problem:
         self._partitions: dict[int, NDArray[np.int64]] = {}
         self._merges: dict[int, Merges] = {}
 
-    def with_tolerance(self, tolerance: float) -> Problem:
-        """Return the problem with another tolerance; both share what they have in common."""
+    def stopping_early(self, tolerance: float, share: float) -> Problem:
+        """Return the problem with iterations that stop early; both share what they have in common.
+
+        Parameters
+        ----------
+        tolerance : float
+            The option of this name, unless that of the problem is larger.
+        share : float
+            Iterations stop, too, where they lower tau by less than this share of the cost of one
+            segment, which each run follows.
+        """
         other = copy(self)
+        tolerance = max(tolerance, self.options["tolerance"])
         other.options = {**self.options, "tolerance": tolerance}
+        heads = np.arange(len(self.begins))
+        boundaries = np.append(self.begins, len(self.track))
+        labels = np.zeros(len(heads), np.int32)
+        segment = fit_segments(self.sums, boundaries, labels, 1)
+        other.least_gain = share * total_cost(
+            self.sums, EMState(boundaries, labels, *segment, heads)
+        )
         return other
 
     def key(self) -> str:
         """Hash by which a memo knows the track and the options."""
-        return memo_key(self.track, {**self.options, "begins": self.begins.tolist()})
+        options = {**self.options, "begins": self.begins.tolist(), "least_gain": self.least_gain}
+        return memo_key(self.track, options)
 
     def solve(self, k: int, m: int, *, executor: Executor | None = None) -> SegmentMean:
         """Return the segment mean with k intervals and m segments.
@@ -232,7 +251,8 @@ class Problem:
                 break
             state = candidate
             costs.append(cost)
-            if cost > costs[-2] * (1 - self.options["tolerance"]):
+            gain = costs[-2] - cost
+            if gain < max(self.options["tolerance"] * costs[-2], self.least_gain):
                 break
         return to_segment_mean(self.sums, state, costs)
 
