@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.archive import Archive
-from gpszip.archive.curves import encode_curves
+from gpszip.archive.curves import curves_section
 from gpszip.archive.joined_curves import curve_part
 from gpszip.codec.curves import CurveColumn, CurveSlice, fit_slices
 from gpszip.codec.joined_curves import CurvePart, join_columns
 from gpszip.container.contents import Section
-from gpszip.container.layout import SectionKind
 from gpszip.errors import OptionError
 from gpszip.io.logs.raw import HEIGHT, HEIGHT_NAMES
 from gpszip.model import Options
@@ -71,7 +70,7 @@ def curve_sections(
     if options.heights:
         heights, notes = _unnamed_heights(log, options, memory)
         columns |= heights
-    sections = (Section(SectionKind.CURVES, encode_curves(columns)),) if columns else ()
+    sections = (curves_section(columns),) if columns else ()
     return sections, notes
 
 
@@ -176,7 +175,7 @@ def extended_curves(
         for number, track in enumerate(log.tracks):
             parts[track.id].append(CurvePart(new, number, *_range(log, track, begins)))
         columns[name] = join_columns([parts[id] for id in ids], name)
-    return (Section(SectionKind.CURVES, encode_curves(columns)),)
+    return (curves_section(columns),)
 
 
 def curve_notes(archive: Archive, log: Log) -> tuple[str, ...]:
