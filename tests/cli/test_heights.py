@@ -121,6 +121,14 @@ def test_shapes_and_sizes_have_none_and_say_so(gpszip, hike):
     assert package.open("small.gpsz").size <= 90
 
 
+def test_heights_that_cannot_be_kept_stop_nothing(gpszip, tmp_path):
+    (tmp_path / "odd.gpx").write_text(_gpx([1e300 if i == 7 else i for i in range(60)]))
+    done = gpszip(f"compress odd.gpx -o odd.gpsz {COMPRESS}")
+    assert done.code == 0, done.err
+    assert "heights are not kept: column 'ele' has values up to 1e+300" in done.err
+    assert not package.open("odd.gpsz").curve_sizes
+
+
 def test_append_goes_on_as_the_archive_is(gpszip, hike):
     Path("more.gpx").write_text(_gpx(_hills(100), first=200))
     Path("flat.gpx").write_text(_gpx([None] * 100, first=400))

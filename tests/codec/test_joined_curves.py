@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpszip.archive.curves import encode_curves, read_curves
+from gpszip.archive.curves import curves_section, read_curves
 from gpszip.codec.curves import CurveColumn, CurveSlice, fit_column, fit_slices
 from gpszip.codec.joined_curves import CurvePart, join_columns
 from gpszip.codec.kernels.curves import BEGINS_TRACK
@@ -38,7 +38,8 @@ def test_the_bound_holds_at_the_samples_of_all_parts(parts):
         for column, (times, _, _) in zip(fitted, parts, strict=True)
     ]
     joined = join_columns([own])
-    column = read_curves(encode_curves({"x": joined}), 1)["x"]
+    section = curves_section({"x": joined})
+    column = read_curves(section.kind, section.body, 1)["x"]
     largest = max(bound for _, _, bound in parts)
     assert largest <= column.bound <= 1.003 * largest
     last = -math.inf

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.archive import Archive
-from gpszip.archive.curves import encode_curves
+from gpszip.archive.curves import curves_section
 from gpszip.archive.joined_curves import curve_part
 from gpszip.codec.curves import CurveColumn, CurveSlice, fit_slices
 from gpszip.codec.joined_curves import CurvePart, join_columns
 from gpszip.container.contents import Section
-from gpszip.container.layout import SectionKind
 from gpszip.errors import OptionError
 from gpszip.io.logs.raw import HEIGHT, HEIGHT_NAMES
 from gpszip.model import Options
@@ -28,7 +26,7 @@ from gpszip.pipeline.validate import check_names
 if TYPE_CHECKING:
     from gpszip.io.large.store import StoredLog
 
-__all__ = ["curve_notes", "curve_sections", "extended_curves", "with_heights"]
+__all__ = ["curve_notes", "curve_sections", "extended_curves"]
 
 #: Metres within which heights are kept that nobody asked for: about the error of barometers, and
 #: less than that of receivers.
@@ -41,62 +39,45 @@ _ROWS = 1 << 16
 _SAMPLES_NEAR_START = 10_000
 
 
-def with_heights(options: Options, log: Log) -> tuple[Options, tuple[str, ...]]:
-    """Options that also keep heights of a log in degrees, and notes on heights that are not kept.
-
-    Parameters
-    ----------
-    options : Options
-        Nothing is added unless they ask for ``heights``.
-    log : Log
-        In memory or on disk.
-    """
-    # A log that has no heights, or whose heights the user named.
-    named = (*options.keep, *(name for name, _ in options.curves))
-    if not options.heights or HEIGHT in named or log.plane is None or HEIGHT not in _names(log):
-        return options, ()
-    has_height = {
-        each.track for each in _slices(log, HEIGHT, shapes=True) if _has_number(each.values)
-    }
-    if not has_height:
-        return options, ()
-
-    # Heights of shapes have no time; those beside a size would leave too little for the walks.
-    shapes = sum(not log.tracks[track].timed for track in has_height)
-    notes: tuple[str, ...] = ()
-    if shapes:
-        notes = (f"heights of {count_text(shapes, 'track')} without times are not kept",)
-    if len(has_height) == shapes or not options.times:
-        return options, notes
-    if options.sized:
-        return options, (*notes, f"heights are not kept beside a size: add --keep {HEIGHT}:3m")
-    return replace(options, curves=(*options.curves, (HEIGHT, _HEIGHT_ERROR))), notes
-
-
-def _has_number(values: NDArray[np.generic]) -> bool:
-    """Whether any of the values is a number."""
-    return values.dtype.kind in "iuf" and bool(np.isfinite(values.astype(np.float64)).any())
-
-
-def curve_sections(log: Log, options: Options, memory: int | None = None) -> tuple[Section, ...]:
-    """Encode the columns that are to be kept within an error; nothing where none are.
+def curve_sections(
+    log: Log, options: Options, memory: int | None = None
+) -> tuple[tuple[Section, ...], tuple[str, ...]]:
+    """Encode the columns that are to be kept within an error.
 
     Parameters
     ----------
     log : Log
         In memory or on disk.
     options : Options
-        Whose ``curves`` names the columns.
+        Whose ``curves`` names the columns; and whether heights are kept unasked.
     memory : int, optional
         Bytes that the process may take.
+
+    Returns
+    -------
+    tuple of Section
+        One section, or none where no column is kept.
+    tuple of str
+        Notes on heights that are not kept.
 
     Raises
     ------
     OptionError
-        If the log lacks a column, a column can't be kept, or no track has times.
+        If the log lacks a named column, that can't be kept, or no track has times.
     """
+    columns = _named_columns(log, options, memory)
+    notes: tuple[str, ...] = ()
+    if options.heights:
+        heights, notes = _unnamed_heights(log, options, memory)
+        columns |= heights
+    sections = (curves_section(columns),) if columns else ()
+    return sections, notes
+
+
+def _named_columns(log: Log, options: Options, memory: int | None) -> dict[str, CurveColumn]:
+    """Fit the columns that the options name."""
     if not options.curves:
-        return ()
+        return {}
     check_names([name for name, _ in options.curves], geographic=log.plane is not None)
     if not any(track.timed for track in log.tracks):
         raise OptionError(
@@ -111,7 +92,41 @@ def curve_sections(log: Log, options: Options, memory: int | None = None) -> tup
                 f"no track has a column {name!r} to keep", remedy="name it when reading: keep"
             )
         columns[name] = _fit(log, name, bound, memory)
-    return (Section(SectionKind.CURVES, encode_curves(columns)),)
+    return columns
+
+
+def _unnamed_heights(
+    log: Log, options: Options, memory: int | None
+) -> tuple[dict[str, CurveColumn], tuple[str, ...]]:
+    """Fit the heights of a log in degrees, if it has any and nobody named them."""
+    # Tracks with heights.
+    named = (*options.keep, *(name for name, _ in options.curves))
+    if HEIGHT in named or log.plane is None or HEIGHT not in _names(log):
+        return {}, ()
+    has_height = {
+        each.track for each in _slices(log, HEIGHT, shapes=True) if _has_number(each.values)
+    }
+
+    # Heights of shapes have no time; those beside a size would leave too little for the walks.
+    shapes = sum(not log.tracks[track].timed for track in has_height)
+    notes: tuple[str, ...] = ()
+    if shapes:
+        notes = (f"heights of {count_text(shapes, 'track')} without times are not kept",)
+    if len(has_height) == shapes or not options.times:
+        return {}, notes
+    if options.sized:
+        return {}, (*notes, f"heights are not kept beside a size: add --keep {HEIGHT}:3m")
+
+    # Heights that can't be kept must not keep a log from being compressed.
+    try:
+        return {HEIGHT: _fit(log, HEIGHT, _HEIGHT_ERROR, memory)}, notes
+    except OptionError as error:
+        return {}, (*notes, f"heights are not kept: {error.reason}")
+
+
+def _has_number(values: NDArray[np.generic]) -> bool:
+    """Whether any of the values is a number."""
+    return values.dtype.kind in "iuf" and bool(np.isfinite(values.astype(np.float64)).any())
 
 
 def extended_curves(
@@ -160,7 +175,7 @@ def extended_curves(
         for number, track in enumerate(log.tracks):
             parts[track.id].append(CurvePart(new, number, *_range(log, track, begins)))
         columns[name] = join_columns([parts[id] for id in ids], name)
-    return (Section(SectionKind.CURVES, encode_curves(columns)),)
+    return (curves_section(columns),)
 
 
 def curve_notes(archive: Archive, log: Log) -> tuple[str, ...]:
