@@ -49,9 +49,8 @@ def listen(tmp_path, capfd):
 
 
 def _write(descriptor, data):
-    with io.FileIO(descriptor, "w") as pipe:
-        with contextlib.suppress(BrokenPipeError):
-            pipe.write(data)
+    with io.FileIO(descriptor, "w") as pipe, contextlib.suppress(BrokenPipeError):
+        pipe.write(data)
 
 
 def table(first, count, agent="ann"):

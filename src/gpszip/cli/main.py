@@ -57,6 +57,7 @@ _COMMANDS = (
     "merge",
     "view",
     "listen",
+    "replay",
     "info",
     "verify",
     "diff",
