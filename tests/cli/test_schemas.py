@@ -35,6 +35,7 @@ def files(log, archive, gpszip, tmp_path):
     rows = [f"{row},note" for number, row in enumerate(rows) if not 60 <= number < 90]
     rows[3] = "nonsense,1,1,note"
     (tmp_path / "rough.csv").write_text("\n".join([f"{header},about", *rows, rows[-1]]))
+    (tmp_path / "place.csv").write_text("t,lat,lon\n1714557600,48,11\n1714557601,48,11.1\n")
     (tmp_path / "bad.gpx").write_text("<gpx><trk>")
 
 
@@ -68,6 +69,7 @@ COMMANDS = [
     "diff walk.gpsz walk.csv",
     "diff walk.gpsz two.gpsz",
     "listen --journal journal --stdin",
+    "replay place.csv --as nmea --to udp://127.0.0.1:9",
     "info walk.gpsz",
     "info two.gpsz --detail",
     "verify walk.gpsz",

@@ -59,6 +59,7 @@ _COMMANDS = (
     "merge",
     "view",
     "listen",
+    "replay",
     "info",
     "verify",
     "diff",

@@ -536,6 +536,17 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
         },
         {},
     ),
+    "replay": (
+        {
+            "to": "string: where it was sent",
+            "tracks": "integer: tracks",
+            "points": "integer: points",
+            "messages": "integer: messages with them",
+            "repeated": "integer: messages sent again, since their answer did not come",
+            "lag_s": "number: seconds by which the latest message was late",
+        },
+        {},
+    ),
     "info": (_INFO, _DETAIL),
     "verify": (
         {
