@@ -270,6 +270,14 @@ class Archive(ArchiveFrames):
         min_traversals : int, default 1
             Leave out edges that were travelled less often, both directions together.
         """
+        return self._clean_map if min_traversals <= 1 else self._make_clean_map(min_traversals)
+
+    @cached_property
+    def _clean_map(self) -> CleanMap:
+        """The clean map of all edges, which matching and histories ask for again and again."""
+        return self._make_clean_map(1)
+
+    def _make_clean_map(self, min_traversals: int) -> CleanMap:
         from gpszip.simplification.simplify import clean_map
 
         # The size of a node's step is the scale of the errors that cleaning removes.

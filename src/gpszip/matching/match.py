@@ -43,6 +43,7 @@ def match(
     gap: float | None = None,
     heading: float | None = None,
     ignore_oneway: bool = False,
+    keep_outliers: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Matching:
     """Find the roads that tracks took.
@@ -72,6 +73,9 @@ def match(
         Whether all roads may be travelled in both directions, as by pedestrians. Otherwise samples
         that travel against a one-way road are on no road, and their break has the reason
         ``"one-way"``.
+    keep_outliers : bool, default False
+        Whether outliers are matched like other samples, as the knots of an archive are: few of them
+        tell of an agent that goes to and fro.
     progress : callable, optional
         Called with the share of the samples that is done.
 
@@ -124,7 +128,12 @@ def match(
     opened = open_both_directions(index) if index.network.one_way.any() else None
 
     # 1. prepare the tracks
-    outliers = [find_outliers(track.times, track.positions) for track in tracks]
+    outliers = [
+        np.zeros(len(track), np.bool_)
+        if keep_outliers
+        else find_outliers(track.times, track.positions)
+        for track in tracks
+    ]
     observations, windows = _prepare_tracks(tracks, outliers, index, gap)
 
     # 2. scales of the log and of each track

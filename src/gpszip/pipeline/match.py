@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from gpszip.archive import Archive, open_archive
 from gpszip.errors import CorruptArchiveError, MapError
-from gpszip.model import Listener, Network, Plane, Progress, Track
+from gpszip.model import CleanMap, Listener, Network, Plane, Progress, Track
 
 if TYPE_CHECKING:
     from gpszip.io.networks.prepared import PreparedNetwork
@@ -97,10 +97,19 @@ def patch(
 
 
 def _network_for(tracks: Sequence[Track] | Track, network: _Roads) -> Network:
-    """The network, read near the tracks where it is a file."""
+    """The network, read near the tracks where it is a file; of an archive, all edges."""
+    from gpszip.io.networks.from_archive import clean_map_network
+    from gpszip.io.networks.read import is_archive
+
     if isinstance(network, Network):
         return network
-    return read_network(network, near=tracks).network
+    if not isinstance(network, Archive) and not is_archive(network):
+        return read_network(network, near=tracks).network
+
+    # All edges of an archive keep their numbers, so that routes of several logs can be compared.
+    near = [tracks] if isinstance(tracks, Track) else tracks
+    clean_map, name = _clean_map(network)
+    return clean_map_network(clean_map, name, plane=near[0].plane if near else None, near=near)
 
 
 def _with_clean_maps(source: Any) -> list[Any]:
@@ -118,10 +127,15 @@ def _clean_map_lines(source: Archive | Any) -> Any:
     """Lines of the clean map of an archive, or of its file."""
     from gpszip.io.networks.from_archive import clean_map_lines
 
+    return clean_map_lines(*_clean_map(source))
+
+
+def _clean_map(source: Archive | Any) -> tuple[CleanMap, str]:
+    """Clean map of an archive, or of its file, and its name."""
     if isinstance(source, Archive):
-        return clean_map_lines(source.clean_map(), "the archive")
+        return source.clean_map(), "the archive"
     try:
-        return clean_map_lines(open_archive(source).clean_map(), str(source))
+        return open_archive(source).clean_map(), str(source)
     except CorruptArchiveError as error:
         raise CorruptArchiveError(
             error.reason, path=str(source), remedy="fetch or make it again"

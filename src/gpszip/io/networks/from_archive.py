@@ -2,14 +2,56 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pyarrow as pa
 
+from gpszip.errors import InputError
 from gpszip.geo.planes import to_geographic
+from gpszip.io.networks.joining import build_road_graph
 from gpszip.io.networks.lines import RoadLines, RoadUsers
-from gpszip.model import CleanMap
+from gpszip.io.networks.read import build_network
+from gpszip.model import CleanMap, Network, Plane, Track
 
-__all__ = ["clean_map_lines"]
+__all__ = ["clean_map_lines", "clean_map_network"]
+
+
+def clean_map_network(
+    clean_map: CleanMap, name: str, *, plane: Plane | None = None, near: Sequence[Track] = ()
+) -> Network:
+    """Return all edges of a clean map as a network.
+
+    Its roads have the same numbers whatever log is matched to it, so that the routes of several
+    logs can be compared.
+
+    Parameters
+    ----------
+    clean_map : CleanMap
+        The map.
+    name : str
+        Name of its archive.
+    plane : Plane, optional
+        The planes of the network; by default those of the map.
+    near : sequence of Track
+        A log that must be near the map.
+
+    Raises
+    ------
+    InputError
+        If the map has no edges, or the log is elsewhere.
+    """
+    # A log that stands still has no edges.
+    if not len(clean_map):
+        raise InputError(
+            "its map has no edges", path=name, remedy="compress a log in which something moves"
+        )
+
+    # The part near the log is built only to find out whether there is one.
+    roads = build_road_graph(clean_map_lines(clean_map, name))
+    if near:
+        build_network(roads, plane=plane, near=near)
+    return build_network(roads, plane=plane or clean_map.plane).network
 
 
 def clean_map_lines(clean_map: CleanMap, name: str) -> RoadLines:

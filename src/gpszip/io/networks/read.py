@@ -365,16 +365,19 @@ def _is_motorised(tracks: Sequence[Track]) -> bool:
 
 def _assemble(roads: RoadGraph, plane_roads: Sequence[_PlaneRoads], plane: Plane | None) -> Network:
     """Build the network of roads on all planes."""
-    # Put the roads of all planes after each other.
+    # Put the roads of all planes after each other, in the order of the graph.
     chosen = np.concatenate([kept.chosen for kept in plane_roads])
     points = np.concatenate([kept.points for kept in plane_roads])
+    offsets = np.append(0, np.cumsum(np.diff(roads.offsets)[chosen]))
+    order = np.argsort(chosen, kind="stable")
+    points, chosen = points[vertex_rows(offsets, order)], chosen[order]
     offsets = np.append(0, np.cumsum(np.diff(roads.offsets)[chosen]))
     count = len(chosen)
 
     # A node of the graph is another node on each plane.
     plane_number = np.repeat(
         np.arange(len(plane_roads)), [len(kept.chosen) for kept in plane_roads]
-    )
+    )[order]
     graph_nodes = np.concatenate((roads.starts[chosen], roads.ends[chosen]))
     keys = graph_nodes + np.tile(plane_number, 2) * len(roads.nodes)
     distinct, ends = np.unique(keys, return_inverse=True)

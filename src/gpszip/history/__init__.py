@@ -1,0 +1,1 @@
+"""What an archive knows of the past: traversals of its edges, and what follows from them."""

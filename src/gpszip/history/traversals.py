@@ -1,0 +1,349 @@
+"""Traversals of the edges of an archive's map by all tracks, as its walks tell them.
+
+The edges are those of the clean map as a network, in the numbers that the routes of
+``gpszip.match(track, archive)`` have. The walks' knots are matched to that network by the same
+hidden Markov model that matches logs. It needs no samples: between knots a track is linear.
+
+On logs of school buses and of a robot, the traversals have 99.7 % and 99.4 % of the edges, in
+their order, of the log's own routes, and the edge of 94 % and 96 % of its samples (the others are
+near nodes). Of three taxis with a sample a minute it is 84 % of the samples, and 63 % of a
+person's, whose map has many paths within the error of each other.
+
+The other way would be to look up the path of each road map edge on the skeleton, which
+simplification finds for its counts. It leaves out 12 % of the traversals of these taxis and 21 % of
+those of the person, whose edges have a node off the skeleton or no path in their corridor; matching
+leaves out less than 1 % of the knots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.archive import Archive
+from gpszip.history.groups import sum_by
+from gpszip.history.turning import Legs, remove_wandering
+from gpszip.io.networks.from_archive import clean_map_network
+from gpszip.matching.match import match
+from gpszip.model import Network
+from gpszip.model.match import Match
+from gpszip.model.text import count_text
+
+__all__ = ["History", "Traversals", "read_history"]
+
+#: A track slower than this share of the log's median speed stands still.
+_STANDING = 0.1
+
+#: Turning back within this many errors of the match is noise of a receiver.
+_WANDERING = 2.0
+
+#: Metres between the routes of two pieces on one line, so that no two have a place in common.
+_APART = 1.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Traversals:
+    """Traversals of edges, track by track in the order of travel.
+
+    Parameters
+    ----------
+    ids : tuple of str
+        Names of the tracks.
+    track : int32 array, shape (n,)
+        Track of each traversal, as an index of ``ids``. Never decreases.
+    edge : int64 array, shape (n,)
+        Edge of the network.
+    forward : bool array, shape (n,)
+        Whether it was travelled from its start to its end.
+    enter, leave : float64 array, shape (n,)
+        Seconds at which the traversal begins and ends, in the log's own zero; NaN where a track has
+        no times.
+    begin, end : float64 array, shape (n,)
+        Metres from the edge's start, along it, at which the traversal begins and ends. Inside of a
+        track these are the ends of the edge, unless the agent turned round on it.
+    standing : float64 array, shape (n,)
+        Seconds between ``enter`` and ``leave`` in which the agent stood still; NaN without times.
+    starts : bool array, shape (n,)
+        Whether the traversal does not go on from the one before: at the start of a track, after a
+        gap, and after travel off the map. Otherwise it begins at the node at which the one before
+        ended, or turns back on the same edge.
+    """
+
+    ids: tuple[str, ...]
+    track: NDArray[np.int32]
+    edge: NDArray[np.int64]
+    forward: NDArray[np.bool_]
+    enter: NDArray[np.float64]
+    leave: NDArray[np.float64]
+    begin: NDArray[np.float64]
+    end: NDArray[np.float64]
+    standing: NDArray[np.float64]
+    starts: NDArray[np.bool_]
+
+    def __repr__(self) -> str:
+        tracks = count_text(len(self.ids), "track")
+        return f"Traversals({count_text(len(self), 'traversal')}, {tracks})"
+
+    def __len__(self) -> int:
+        return len(self.edge)
+
+    @property
+    def metres(self) -> NDArray[np.float64]:
+        """Metres travelled on the edge, shape (n,)."""
+        metres: NDArray[np.float64] = np.abs(self.end - self.begin)
+        return metres
+
+    @property
+    def directed(self) -> NDArray[np.int64]:
+        """One number for edge and direction, shape (n,): ``2 * edge``, plus 1 where backward."""
+        return 2 * self.edge + ~self.forward
+
+    @property
+    def follows(self) -> NDArray[np.int64]:
+        """Indices of the traversals that go on from the one before."""
+        return np.flatnonzero(~self.starts)
+
+    def take(self, chosen: NDArray[np.bool_]) -> Traversals:
+        """Some of the traversals; one whose predecessor is left out starts anew.
+
+        Parameters
+        ----------
+        chosen : bool array, shape (n,)
+            Which ones.
+        """
+        starts = self.starts | ~np.append(False, chosen[:-1])
+        return Traversals(
+            ids=self.ids,
+            track=self.track[chosen],
+            edge=self.edge[chosen],
+            forward=self.forward[chosen],
+            enter=self.enter[chosen],
+            leave=self.leave[chosen],
+            begin=self.begin[chosen],
+            end=self.end[chosen],
+            standing=self.standing[chosen],
+            starts=starts[chosen],
+        )
+
+
+class History(NamedTuple):
+    """The traversals of an archive, and the network whose edges they name.
+
+    Parameters
+    ----------
+    network : Network
+        All edges of the clean map, both ways open.
+    traversals : Traversals
+        Traversals by all tracks.
+    """
+
+    network: Network
+    traversals: Traversals
+
+
+def read_history(archive: Archive) -> History:
+    """List the traversals of edges by all tracks of an archive.
+
+    1. The knots of each piece between gaps are matched to the clean map.
+    2. The moments at which a route passes a node are interpolated between its knots.
+    3. Turning back within the error of the match is taken out, so that a vehicle which is parked on
+       an edge or at a crossing is there once, however its receiver wanders.
+
+    On a fleet with a million samples (263,000 knots) this takes 2.8 s of CPU after decoding and
+    cleaning.
+
+    Parameters
+    ----------
+    archive : Archive
+        With or without times.
+
+    Returns
+    -------
+    History
+        Deterministic.
+
+    Raises
+    ------
+    InputError
+        If nothing moves in the archive.
+
+    Examples
+    --------
+    >>> import gpszip
+    >>> track = gpszip.Track("cab", range(40), [[10.0 * abs(t % 20 - 10), 0] for t in range(40)])
+    >>> network, traversals = read_history(gpszip.compress(track, max_error=0.5))
+    >>> traversals.edge.tolist(), traversals.forward.tolist()
+    ([0, 0, 0, 0], [False, True, False, True])
+    >>> traversals.leave.round().tolist()
+    [10.0, 20.0, 30.0, 39.0]
+    """
+    # 1. Match the knots. The archive knows its gaps, so that none is sought.
+    network = clean_map_network(archive.clean_map(), "the archive", plane=archive.grid.plane)
+    pieces = archive.decompress()
+    matching = match(pieces, network, gap=np.inf, keep_outliers=True)
+    number = {track: i for i, track in enumerate(archive.ids)}
+    owner, names = np.zeros(len(pieces), np.int32), archive.pieces
+    owner[:] = [number[names[piece.id]] for piece in pieces]
+
+    # 2. Pass times of all routes, one piece after the other.
+    timed = np.array([piece.timed for piece in pieces], np.bool_)
+    clocks = [np.asarray(piece.times, np.float64) for piece in pieces]
+    knots = _list_knots(matching.matches, clocks)
+    legs = _list_legs(matching.matches, knots, owner, timed)
+
+    # 3. Take out noise, and tell where travel goes on.
+    legs = remove_wandering(legs, _WANDERING * matching.scales.error)
+    starts = np.append(True, legs.piece[1:] != legs.piece[:-1])[: len(legs.piece)]
+    return History(
+        network,
+        Traversals(
+            ids=archive.ids,
+            track=legs.track,
+            edge=legs.edge,
+            forward=legs.forward,
+            enter=legs.enter,
+            leave=legs.leave,
+            begin=legs.begin,
+            end=legs.end,
+            standing=legs.standing,
+            starts=starts,
+        ),
+    )
+
+
+class _Knots(NamedTuple):
+    """Knots on routes, all pieces end to end.
+
+    Parameters
+    ----------
+    along : float64 array, shape (k,)
+        Metres along all routes; never decreases.
+    times : float64 array, shape (k,)
+        Seconds.
+    piece : int64 array, shape (k,)
+        Piece of a route, counted through all matches.
+    leg : int64 array, shape (k,)
+        Leg, counted through all pieces.
+    """
+
+    along: NDArray[np.float64]
+    times: NDArray[np.float64]
+    piece: NDArray[np.int64]
+    leg: NDArray[np.int64]
+
+
+def _list_knots(matches: tuple[Match, ...], clocks: list[NDArray[np.float64]]) -> _Knots:
+    """Knots on the routes of all matches, end to end."""
+    # Number the pieces and the legs of all matches.
+    on_route = [matched.piece >= 0 for matched in matches]
+    pieces = [len(matched.pieces) for matched in matches]
+    first_piece = np.repeat(np.cumsum(pieces) - pieces, [rows.sum() for rows in on_route])
+    routes = [piece.route for matched in matches for piece in matched.pieces]
+    counts = np.array([len(route) for route in routes], np.int64)
+    piece = _concatenate([m.piece[rows] for m, rows in zip(matches, on_route, strict=True)])
+    piece = (piece + first_piece).astype(np.int64)
+    leg = _concatenate([m.leg[rows] for m, rows in zip(matches, on_route, strict=True)])
+    leg = leg.astype(np.int64) + (np.cumsum(counts) - counts)[piece]
+
+    # Put the routes on one line, so that places on them have one order.
+    along = _concatenate([m.along[rows] for m, rows in zip(matches, on_route, strict=True)])
+    times = _concatenate([clock[rows] for clock, rows in zip(clocks, on_route, strict=True)])
+    return _Knots(along + _route_starts(matches)[piece], times, piece, leg)
+
+
+def _list_legs(
+    matches: tuple[Match, ...],
+    knots: _Knots,
+    owner: NDArray[np.int32],
+    timed: NDArray[np.bool_],
+) -> Legs:
+    """Legs of the routes of all matches, with the times at which they are passed."""
+    # Legs of all routes.
+    routes = [piece.route for matched in matches for piece in matched.pieces]
+    counts = np.array([len(route) for route in routes], np.int64)
+    piece = np.repeat(np.arange(len(routes)), counts)
+    of_match = np.repeat(np.arange(len(matches)), [len(m.pieces) for m in matches])[piece]
+    begin = _concatenate([route.begin for route in routes])
+    end = _concatenate([route.end for route in routes])
+
+    # Metres at which each ends, and the time there; the last one ends with the last knot.
+    lengths = np.abs(end - begin)
+    before = np.cumsum(lengths) - lengths
+    first_leg = np.cumsum(counts) - counts
+    passed = before - before[first_leg][piece] + lengths + _route_starts(matches)[piece]
+    leave = _time_at(knots, passed, piece)
+    first_knot = np.searchsorted(knots.piece, np.arange(len(routes)))
+    last_knot = np.searchsorted(knots.piece, np.arange(len(routes)), side="right") - 1
+    leave[first_leg + counts - 1] = knots.times[last_knot]
+    enter = np.append(np.nan, leave)[: len(leave)]
+    enter[first_leg] = knots.times[first_knot]
+
+    # A track without times has neither moments nor durations.
+    untimed = ~timed[of_match]
+    return Legs(
+        piece,
+        owner[of_match],
+        _concatenate([route.edges for route in routes]).astype(np.int64),
+        _concatenate([route.forward for route in routes]).astype(np.bool_),
+        np.where(untimed, np.nan, enter),
+        np.where(untimed, np.nan, leave),
+        begin,
+        end,
+        np.where(untimed, np.nan, np.minimum(_standing(knots, len(begin)), leave - enter)),
+    )
+
+
+def _time_at(
+    knots: _Knots, places: NDArray[np.float64], piece: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Last time at which each place along the routes is passed."""
+    # The last knot up to the place, and the one after it in the same piece.
+    first = np.searchsorted(knots.piece, piece)
+    last = np.searchsorted(knots.piece, piece, side="right") - 1
+    low = np.clip(np.searchsorted(knots.along, places, side="right") - 1, first, last)
+    high = np.minimum(low + 1, last)
+
+    # Between them, travel is even.
+    metres = knots.along[high] - knots.along[low]
+    share = np.divide(
+        places - knots.along[low], metres, out=np.zeros(len(places)), where=metres > 0
+    )
+    times: NDArray[np.float64] = knots.times[low] + np.clip(share, 0, 1) * (
+        knots.times[high] - knots.times[low]
+    )
+    return times
+
+
+def _standing(knots: _Knots, legs: int) -> NDArray[np.float64]:
+    """Seconds for which the agent stood still on each leg."""
+    # Speeds from knot to knot.
+    together = np.flatnonzero(np.diff(knots.piece) == 0)
+    seconds = knots.times[together + 1] - knots.times[together]
+    metres = knots.along[together + 1] - knots.along[together]
+    speed = np.divide(metres, seconds, out=np.zeros(len(seconds)), where=seconds > 0)
+    if not metres.any():
+        return sum_by(knots.leg[together], seconds, legs)
+
+    # Half of all metres are travelled faster than the median speed.
+    order = np.argsort(speed, kind="stable")
+    travelled = np.cumsum(metres[order])
+    median = speed[order][np.searchsorted(travelled, 0.5 * travelled[-1])]
+    stands = speed < _STANDING * median
+    return sum_by(knots.leg[together], np.where(stands, seconds, 0.0), legs)
+
+
+def _route_starts(matches: tuple[Match, ...]) -> NDArray[np.float64]:
+    """Metres at which the route of each piece begins on one line with all others."""
+    lengths = np.array([piece.length for matched in matches for piece in matched.pieces])
+    lengths = lengths.reshape(-1) + _APART
+    starts: NDArray[np.float64] = np.cumsum(lengths) - lengths
+    return starts
+
+
+def _concatenate(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Concatenate arrays, of which there may be none."""
+    return np.concatenate(arrays) if arrays else np.zeros(0)
