@@ -50,6 +50,7 @@ PAGES = {
     "docs/networks.md": (),
     "docs/parallel.md": (),
     "docs/patching.md": (),
+    "docs/prediction.md": (),
     "docs/pictures.md": ("patrol", "fine", "medium", "coarse"),
     "docs/view.md": ("walks",),
     "README.md": ("monday", "north", "south"),

@@ -47,7 +47,8 @@ if TYPE_CHECKING:
         UnknownTrackError,
         WorkerError,
     )
-    from gpszip.matching.live import FinalisedPosition, LivePosition, NextRoad
+    from gpszip.history.predictor import Predictor
+    from gpszip.matching.live import FinalisedPosition, LivePosition
     from gpszip.model import (
         CleanMap,
         DirectedEdges,
@@ -71,6 +72,7 @@ if TYPE_CHECKING:
     from gpszip.model.error_bound import ErrorBound
     from gpszip.model.match import Break, Match, Matching, Piece, Route, Scales
     from gpszip.model.merge_report import Deviation, MergeReport
+    from gpszip.model.prediction import Arrival, LikelyNode, LikelyRoute, NextRoad
     from gpszip.model.read_result import Loss, OtherFiles
     from gpszip.pipeline.live import Matcher
     from gpszip.run import Dask, Processes, Serial, Threads
@@ -85,6 +87,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Archive",
+    "Arrival",
     "BoundError",
     "Break",
     "CleanMap",
@@ -104,6 +107,8 @@ __all__ = [
     "GPSZipError",
     "InputError",
     "LeftOut",
+    "LikelyNode",
+    "LikelyRoute",
     "Listener",
     "LivePosition",
     "Loss",
@@ -125,6 +130,7 @@ __all__ = [
     "Piece",
     "PiecewiseLinear",
     "Plane",
+    "Predictor",
     "Processes",
     "Progress",
     "QuantisationGrid",
@@ -207,10 +213,10 @@ _HOMES = {
         "UnknownTrackError",
         "WorkerError",
     ),
+    "gpszip.history.predictor": ("Predictor",),
     "gpszip.matching.live": (
         "FinalisedPosition",
         "LivePosition",
-        "NextRoad",
     ),
     "gpszip.model": (
         "CleanMap",
@@ -249,6 +255,12 @@ _HOMES = {
     "gpszip.model.merge_report": (
         "Deviation",
         "MergeReport",
+    ),
+    "gpszip.model.prediction": (
+        "Arrival",
+        "LikelyNode",
+        "LikelyRoute",
+        "NextRoad",
     ),
     "gpszip.model.read_result": ("Loss", "OtherFiles"),
     "gpszip.pipeline.live": ("Matcher",),

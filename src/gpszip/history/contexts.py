@@ -1,8 +1,9 @@
 """Contexts: the last edges of a route, each context as a key of 64 bits.
 
 The key of the last k directed edges ``s[0]`` (the newest), ``s[1]``, ... is
-``sum(m(s[j]) * r[j] for j < k) + o[k]`` modulo 2^64, with random numbers m, r and o. So the keys of all orders
-come from one sum. Two of 10^6 contexts share a key with a probability of about 10^-7.
+``sum(m(s[j]) * r[j] for j < k) + o[k]`` modulo 2^64, with random numbers m, r and o. So the keys
+of all orders come from one sum. Two of 10^6 contexts share a key with a probability of about
+10^-7.
 """
 
 from __future__ import annotations

@@ -101,4 +101,6 @@ def _directions(network: Network) -> tuple[NDArray[np.float64], NDArray[np.float
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     norms = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.divide(vectors, norms, out=np.zeros_like(vectors), where=norms > 0)
+    # A vector of length zero stays one.
+    unit: NDArray[np.float64] = vectors / np.where(norms > 0, norms, 1.0)
+    return unit

@@ -3,50 +3,63 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from gpszip.errors import OptionError
-from gpszip.history.exits import Exits
 from gpszip.model.match import Route
 
 __all__ = ["read_route", "tell_route"]
 
+#: Edges at the end of a route that count; predictions look back no farther.
+_LONGEST = 256
 
-def read_route(route: Route | Iterable[Any], exits: Exits, edges: int) -> list[int]:
-    """Directed edges of a route, from its last break on.
+
+def read_route(
+    route: Route | Iterable[Any], options: Sequence[Sequence[int]], edges: int
+) -> list[int]:
+    """Directed edges at the end of a route, from its last break on.
 
     Parameters
     ----------
     route : Route, or iterable of (int, bool)
         Edges, and whether each is travelled from its start to its end. Where one does not go on
         from the one before, what came before is forgotten.
-    exits : Exits
-        Exits of each directed edge.
+    options : sequence of sequences of int
+        Directed edges that may follow each.
     edges : int
         Number of edges of the network.
 
     Returns
     -------
     list of int
-        ``2 * edge``, plus 1 where it is travelled backward; at least one.
+        ``2 * edge``, plus 1 where it is travelled backward; at least one, at most _LONGEST.
 
     Raises
     ------
     OptionError
         If the route is empty, or names an edge that does not exist.
     """
-    # Check each edge.
+    # Take the end of a long route.
     if isinstance(route, Route):
-        route = zip(route.edges.tolist(), route.forward.tolist(), strict=True)
-    directed: list[int] = []
-    for number, each in enumerate(route):
-        directed.append(_directed(each, number, edges))
-    if not directed:
+        route = list(zip(route.edges.tolist(), route.forward.tolist(), strict=True))
+    elif not isinstance(route, list | tuple):
+        route = list(route)
+    skipped = max(0, len(route) - _LONGEST)
+    recent = route[skipped:]
+    if not recent:
         raise OptionError("the route is empty", remedy="give the edges travelled so far")
 
+    # Check each edge, but look closely only if something is wrong.
+    try:
+        directed = [2 * operator.index(edge) + (not forward) for edge, forward in recent]
+        is_known = min(directed) >= 0 and max(directed) < 2 * edges
+    except (TypeError, ValueError):
+        is_known = False
+    if not is_known:
+        directed = [_directed(each, skipped + i, edges) for i, each in enumerate(recent)]
+
     # Forget what comes before the last break.
-    options = exits.options
     for number in range(len(directed) - 1, 0, -1):
         if directed[number] not in options[directed[number - 1]]:
             return directed[number:]

@@ -67,9 +67,6 @@ _CHAIN_WEIGHT, _EXPERT_WEIGHT = 1.0, 0.15
 _OWN_ORDERS = (1, 2, 4)
 _SIDE_ORDERS = (1, 2)
 
-#: Edges of a route, its latest, that count as its own past.
-_OWN_EDGES = 1_000
-
 #: Kinds of labels (:func:`label_keys`).
 _EDGE, _ROUTE, _AGENT, _HOUR = range(4)
 
@@ -160,9 +157,7 @@ class SequenceModel:
 
         # Rows of counts by the key of their context.
         all_keys = np.concatenate(keys)
-        self._rows: dict[int, int] = dict(
-            zip(all_keys.tolist(), range(len(all_keys)), strict=True)
-        )
+        self._rows: dict[int, int] = dict(zip(all_keys.tolist(), range(len(all_keys)), strict=True))
         self._counts = np.concatenate(counts).astype(np.float32)
         self._used = len(all_keys)
 
@@ -170,9 +165,10 @@ class SequenceModel:
         """Return the number of contexts."""
         return self._used
 
-    def options(self, last: int) -> list[int]:
-        """Directed edges that may follow one, in the order of :meth:`predict`."""
-        return self._options[last]
+    @property
+    def options(self) -> list[list[int]]:
+        """Directed edges that may follow each, in the order of :meth:`predict`."""
+        return self._options
 
     def predict(
         self, route: Sequence[int], hour: int | None = None, agent: int | None = None
@@ -191,7 +187,7 @@ class SequenceModel:
         Returns
         -------
         list of float
-            In the order of :meth:`options`.
+            In the order of ``options[route[-1]]``.
         """
         last = route[-1]
         width = len(self._options[last])
@@ -200,7 +196,8 @@ class SequenceModel:
 
         # Counts of the route's contexts, from order 1 up to the longest that was seen.
         labels = [self._labels[edge] for edge in route[-ORDERS[-1] :]]
-        keys, rows = [], []
+        keys: list[int] = []
+        rows: list[int] = []
         for _, key in route_keys(labels):
             row = self._rows.get(key)
             if len(keys) < len(_SIDE_ORDERS):
@@ -275,7 +272,7 @@ class SequenceModel:
     ) -> None:
         """Add what followed the same edges earlier in the route."""
         # Earlier passes over the last edge, with what followed and how many edges before agree.
-        past = list(route[-_OWN_EDGES:])
+        past = list(route)
         last, end = past[-1], len(past) - 1
         if past.count(last) == 1:
             return
@@ -299,7 +296,10 @@ class SequenceModel:
         """Probabilities with what the agent does, and what is done at the hour."""
         weights = self._sides[agent is not None, hour is not None]
         scores = [weights.base * math.log(max(p, _MIN_PROBABILITY)) for p in probabilities]
-        known = ((_side_label(agent, _AGENT), weights.agent), (_side_label(hour, _HOUR), weights.hour))
+        known = (
+            (_side_label(agent, _AGENT), weights.agent),
+            (_side_label(hour, _HOUR), weights.hour),
+        )
         for label, own in known:
             if label is None:
                 continue
@@ -383,7 +383,7 @@ def train(exits: Exits, passes: Passes) -> SequenceModel:
     >>> rounds = np.tile([0, 4, 7, 3], 20)  # edges 0 and 2 forward, then 3 and 1 backward
     >>> none = np.full(80, -1)
     >>> model = train(exits, Passes(rounds, np.arange(80) == 0, none, none + 1))
-    >>> model.options(0), [round(p, 3) for p in model.predict([7, 3, 0])]
+    >>> model.options[0], [round(p, 3) for p in model.predict([7, 3, 0])]
     ([1, 4], [0.0, 1.0])
     """
     # The exit taken at each moment, and the decisions from which weights are learned.
@@ -396,7 +396,11 @@ def train(exits: Exits, passes: Passes) -> SequenceModel:
     decisions = decisions[spread.astype(np.int64)]
 
     # Counts of all contexts, and those before each decision.
-    keys, counts, before, own, sides = [], [], [], [], []
+    keys: list[NDArray[np.uint64]] = []
+    counts: list[Floats] = []
+    before: list[Floats] = []
+    own: list[Floats] = []
+    sides: list[Floats] = []
     routes = label_keys(np.cumsum(passes.starts), _ROUTE)
     for order, context, is_whole in context_keys(passes.directed, passes.starts):
         if order > _SHORT:
@@ -409,7 +413,9 @@ def train(exits: Exits, passes: Passes) -> SequenceModel:
             own.append(count_before(groups, chosen, width, decisions))
         if order in _SIDE_ORDERS:
             for kind, labels in ((_AGENT, passes.agent), (_HOUR, passes.hour)):
-                groups = group_contexts(context + label_keys(labels, kind), is_whole & (labels >= 0))
+                groups = group_contexts(
+                    context + label_keys(labels, kind), is_whole & (labels >= 0)
+                )
                 _keep(groups, chosen, width, keys, counts)
                 sides.append(count_before(groups, chosen, width, decisions))
 
@@ -482,7 +488,7 @@ def _fit_weights(
     # All features, in the order of the weights.
     features = [
         Feature(exits.cosines[last], one_kind, 1, 0.0),
-        Feature(exits.turns_back[last] * 1.0, one_kind, 1, 0.0),
+        Feature(exits.turns_back[last].astype(np.float64), one_kind, 1, 0.0),
         Feature(log_chain, one_kind, 1, _CHAIN_WEIGHT),
         *(_expert(counts, exists) for counts in (*before, *own)),
     ]

@@ -93,7 +93,7 @@ def fit_weights(
     >>> values, kind = np.tile([[1.0, 0.0]], (900, 1)), np.zeros(900, np.int64)
     >>> feature, chosen = Feature(values, kind, 1, 0.0), np.arange(900) % 3 // 2
     >>> fit_weights([feature], values >= 0, chosen).round(2).tolist()  # log 2, less the prior
-    [0.61]
+    [0.6]
     """
     from scipy.optimize import minimize
 

@@ -6,7 +6,7 @@ from gpszip.testing.log_with_truth import LogWithTruth
 from gpszip.testing.patrol import patrol, patrol_with_truth
 from gpszip.testing.person import person
 from gpszip.testing.quadrotor import quadrotor
-from gpszip.testing.shuttles import shuttles
+from gpszip.testing.shuttle_lines import shuttles
 from gpszip.testing.taxis import fleet, taxis
 
 __all__ = [

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gpszip.errors import OptionError
 from gpszip.model import Walk
 from gpszip.testing.log_with_truth import LogWithTruth, join_truth
-from gpszip.testing.roads import Roads, build_roads, record
+from gpszip.testing.roads import Roads, build_roads, end_at, record
 
 __all__ = ["shuttles"]
 
@@ -35,7 +35,7 @@ _STOP_POOL = 2
 #: Share of the stops at which nobody waits; the vehicle takes the shortest path to the next one.
 _SKIPPED = 0.08
 
-#: Share of the legs on which a vehicle goes by some other crossing: fuel, road works, a lost driver.
+#: Share of the legs on which a vehicle goes by some other crossing, as for fuel.
 _ERRANDS = 0.02
 
 #: Share of the duties on the line that the vehicle drives most.
@@ -187,11 +187,8 @@ def _drive_days(
             until = min(end, times[-1] + _DUTY)
             while times[-1] < until:
                 _drive_round(service, line, pace, nodes, times, rng)
-    nodes.append(nodes[-1])
-    times.append(_FIRST_DAY + days * _DAY)
-    return Walk(
-        name, np.array(nodes, np.int32), np.array(times), np.zeros(len(nodes) - 1, np.bool_)
-    )
+    last_sample = _FIRST_DAY + (days - 1) * _DAY + _SERVICE[1]
+    return end_at(name, np.array(nodes, np.int32), np.array(times), last_sample)
 
 
 def _choose_line(
@@ -202,8 +199,9 @@ def _choose_line(
     if rng.random() < _LOYALTY:
         return service.lines[vehicle % count]
     evening = (time % _DAY) > 0.5 * sum(_SERVICE)
-    return service.lines[int(rng.integers(count // 2)) if evening and count > 1 else int(
-        rng.integers(count))]
+    return service.lines[
+        int(rng.integers(count // 2)) if evening and count > 1 else int(rng.integers(count))
+    ]
 
 
 def _drive_round(
@@ -219,7 +217,9 @@ def _drive_round(
     stops = [int(stop) for stop in line[1:] if rng.random() >= _SKIPPED]
     for stop in [*stops, int(line[0])]:
         if rng.random() < _ERRANDS:
-            _drive_leg(service, int(rng.integers(len(service.roads.nodes))), pace, nodes, times, rng)
+            _drive_leg(
+                service, int(rng.integers(len(service.roads.nodes))), pace, nodes, times, rng
+            )
         _drive_leg(service, stop, pace, nodes, times, rng)
 
         # Stand at the stop.
