@@ -51,6 +51,7 @@ PAGES = {
     "docs/networks.md": (),
     "docs/parallel.md": (),
     "docs/patching.md": (),
+    "docs/prediction.md": (),
     "docs/pictures.md": ("patrol", "fine", "medium", "coarse"),
     "docs/segments.md": (),
     "docs/view.md": ("walks",),

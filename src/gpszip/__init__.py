@@ -50,7 +50,8 @@ if TYPE_CHECKING:
         UnknownTrackError,
         WorkerError,
     )
-    from gpszip.matching.live import FinalisedPosition, LivePosition, NextRoad
+    from gpszip.history.predictor import Predictor
+    from gpszip.matching.live import FinalisedPosition, LivePosition
     from gpszip.model import (
         CleanMap,
         DirectedEdges,
@@ -76,6 +77,7 @@ if TYPE_CHECKING:
     from gpszip.model.error_bound import ErrorBound
     from gpszip.model.match import Break, Match, Matching, Piece, Route, Scales
     from gpszip.model.merge_report import Deviation, MergeReport
+    from gpszip.model.prediction import Arrival, LikelyNode, LikelyRoute, NextRoad
     from gpszip.model.read_result import Loss, OtherFiles
     from gpszip.model.trips import Place, Stay, Trip, Trips
     from gpszip.pipeline.live import Matcher
@@ -91,6 +93,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Archive",
+    "Arrival",
     "BoundError",
     "Break",
     "CleanMap",
@@ -111,6 +114,8 @@ __all__ = [
     "InputError",
     "LeftOut",
     "Likelihood",
+    "LikelyNode",
+    "LikelyRoute",
     "Listener",
     "LivePosition",
     "Loss",
@@ -134,6 +139,7 @@ __all__ = [
     "PiecewiseLinear",
     "Place",
     "Plane",
+    "Predictor",
     "Processes",
     "Progress",
     "QuantisationGrid",
@@ -225,10 +231,10 @@ _HOMES = {
         "UnknownTrackError",
         "WorkerError",
     ),
+    "gpszip.history.predictor": ("Predictor",),
     "gpszip.matching.live": (
         "FinalisedPosition",
         "LivePosition",
-        "NextRoad",
     ),
     "gpszip.model": (
         "CleanMap",
@@ -269,6 +275,12 @@ _HOMES = {
     "gpszip.model.merge_report": (
         "Deviation",
         "MergeReport",
+    ),
+    "gpszip.model.prediction": (
+        "Arrival",
+        "LikelyNode",
+        "LikelyRoute",
+        "NextRoad",
     ),
     "gpszip.model.read_result": ("Loss", "OtherFiles"),
     "gpszip.model.trips": (

@@ -24,6 +24,7 @@ from gpszip.matching.kernels.live import (
 from gpszip.matching.parameters import min_spacing, model_parameters
 from gpszip.model import Network
 from gpszip.model.match import Scales
+from gpszip.model.prediction import NextRoad
 
 __all__ = ["FinalisedPosition", "LiveMatcher", "LivePosition", "NextRoad"]
 
@@ -35,24 +36,6 @@ _STREETS = Scales(error=5.8, sigma=36.0, beta=5.9, median_speed=10.0, max_speed=
 _NO_HEADING = np.zeros(2)
 
 Floats = NDArray[np.float64]
-
-
-class NextRoad(NamedTuple):
-    """A road that may come next.
-
-    Parameters
-    ----------
-    edge : int
-        Road of the network.
-    forward : bool
-        Whether it would be travelled from its start to its end.
-    probability : float
-        Probability by the angle of the turn.
-    """
-
-    edge: int
-    forward: bool
-    probability: float
 
 
 class FinalisedPosition(NamedTuple):
