@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         read,
         save_coreset,
         segment_mean,
+        usage,
     )
     from gpszip.archive import Archive, TrackView
     from gpszip.codec.waypoints import Waypoints
@@ -47,6 +48,11 @@ if TYPE_CHECKING:
         UnknownTrackError,
         WorkerError,
     )
+    from gpszip.history.agents import AgentSpeed
+    from gpszip.history.calendar import Calendar
+    from gpszip.history.markov import Likelihood, MarkovModel
+    from gpszip.history.traversals import Traversals
+    from gpszip.history.usage import Usage
     from gpszip.matching.live import FinalisedPosition, LivePosition, NextRoad
     from gpszip.model import (
         CleanMap,
@@ -84,9 +90,11 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "AgentSpeed",
     "Archive",
     "BoundError",
     "Break",
+    "Calendar",
     "CleanMap",
     "Coreset",
     "CoresetStream",
@@ -104,11 +112,13 @@ __all__ = [
     "GPSZipError",
     "InputError",
     "LeftOut",
+    "Likelihood",
     "Listener",
     "LivePosition",
     "Loss",
     "LossWarning",
     "MapError",
+    "MarkovModel",
     "Match",
     "Matcher",
     "Matching",
@@ -142,8 +152,10 @@ __all__ = [
     "TrackDifference",
     "TrackError",
     "TrackView",
+    "Traversals",
     "UnknownFormatError",
     "UnknownTrackError",
+    "Usage",
     "Walk",
     "Waypoints",
     "WorkerError",
@@ -164,6 +176,7 @@ __all__ = [
     "read",
     "save_coreset",
     "segment_mean",
+    "usage",
     "write_page",
 ]
 
@@ -185,6 +198,7 @@ _HOMES = {
         "read",
         "save_coreset",
         "segment_mean",
+        "usage",
     ),
     "gpszip.archive": (
         "Archive",
@@ -207,6 +221,14 @@ _HOMES = {
         "UnknownTrackError",
         "WorkerError",
     ),
+    "gpszip.history.agents": ("AgentSpeed",),
+    "gpszip.history.calendar": ("Calendar",),
+    "gpszip.history.markov": (
+        "Likelihood",
+        "MarkovModel",
+    ),
+    "gpszip.history.traversals": ("Traversals",),
+    "gpszip.history.usage": ("Usage",),
     "gpszip.matching.live": (
         "FinalisedPosition",
         "LivePosition",

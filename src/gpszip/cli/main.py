@@ -53,6 +53,7 @@ _COMMANDS = (
     "network",
     "match",
     "patch",
+    "usage",
     "merge",
     "view",
     "info",
