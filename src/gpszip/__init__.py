@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         open_coreset,
         patch,
         read,
+        route,
         save_coreset,
         segment_mean,
         usage,
@@ -51,6 +52,8 @@ if TYPE_CHECKING:
     from gpszip.history.agents import AgentSpeed
     from gpszip.history.calendar import Calendar
     from gpszip.history.markov import Likelihood, MarkovModel
+    from gpszip.history.routes import PlannedRoute
+    from gpszip.history.travel_time import Arrival
     from gpszip.history.traversals import Traversals
     from gpszip.history.usage import Usage
     from gpszip.matching.live import FinalisedPosition, LivePosition, NextRoad
@@ -92,6 +95,7 @@ __version__ = "0.1.0"
 __all__ = [
     "AgentSpeed",
     "Archive",
+    "Arrival",
     "BoundError",
     "Break",
     "Calendar",
@@ -135,6 +139,7 @@ __all__ = [
     "Piece",
     "PiecewiseLinear",
     "Plane",
+    "PlannedRoute",
     "Processes",
     "Progress",
     "QuantisationGrid",
@@ -174,6 +179,7 @@ __all__ = [
     "plot",
     "polyline",
     "read",
+    "route",
     "save_coreset",
     "segment_mean",
     "usage",
@@ -196,6 +202,7 @@ _HOMES = {
         "open_coreset",
         "patch",
         "read",
+        "route",
         "save_coreset",
         "segment_mean",
         "usage",
@@ -227,6 +234,8 @@ _HOMES = {
         "Likelihood",
         "MarkovModel",
     ),
+    "gpszip.history.routes": ("PlannedRoute",),
+    "gpszip.history.travel_time": ("Arrival",),
     "gpszip.history.traversals": ("Traversals",),
     "gpszip.history.usage": ("Usage",),
     "gpszip.matching.live": (

@@ -54,6 +54,7 @@ _COMMANDS = (
     "match",
     "patch",
     "usage",
+    "route",
     "merge",
     "view",
     "info",
