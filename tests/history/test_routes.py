@@ -136,9 +136,9 @@ def test_the_hour_decides_for_the_fastest() -> None:
     evening = find_routes(history, stops, times=times, depart=22.1 * 3600)[0]
     assert morning.edges.tolist() == [2, 1, 3]
     assert evening.edges.tolist() == [2, 0, 3]
-    assert morning.arrival.seconds == pytest.approx(
-        150 / 10 + morning.lengths[1] / 12 + 10, rel=0.1
-    )
+    # 10 m/s to and from the ring and 12 m/s on it, drawn a little to the mean of the day.
+    seconds = 25 + morning.lengths[1] / 12
+    assert seconds < morning.arrival.seconds < 1.2 * seconds
 
 
 def test_alternatives_differ() -> None:
