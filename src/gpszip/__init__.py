@@ -28,9 +28,11 @@ if TYPE_CHECKING:
         open_coreset,
         patch,
         read,
+        route,
         save_coreset,
         segment_mean,
         trips,
+        usage,
     )
     from gpszip.archive import Archive, TrackView
     from gpszip.codec.waypoints import Waypoints
@@ -50,7 +52,14 @@ if TYPE_CHECKING:
         UnknownTrackError,
         WorkerError,
     )
+    from gpszip.history.agents import AgentSpeed
+    from gpszip.history.calendar import Calendar
     from gpszip.history.predictor import Predictor
+    from gpszip.history.routes import PlannedRoute
+    from gpszip.history.transitions import EdgeTransitions, RouteLikelihood
+    from gpszip.history.travel_time import TravelTime
+    from gpszip.history.traversals import Traversals
+    from gpszip.history.usage import Usage
     from gpszip.matching.live import FinalisedPosition, LivePosition
     from gpszip.model import (
         CleanMap,
@@ -92,10 +101,12 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "AgentSpeed",
     "Archive",
     "Arrival",
     "BoundError",
     "Break",
+    "Calendar",
     "CleanMap",
     "Coreset",
     "CoresetStream",
@@ -106,6 +117,7 @@ __all__ = [
     "Difference",
     "DirectedEdges",
     "Distances",
+    "EdgeTransitions",
     "ErrorBound",
     "Executor",
     "FarPlace",
@@ -139,6 +151,7 @@ __all__ = [
     "PiecewiseLinear",
     "Place",
     "Plane",
+    "PlannedRoute",
     "Predictor",
     "Processes",
     "Progress",
@@ -148,6 +161,7 @@ __all__ = [
     "Report",
     "RoadMap",
     "Route",
+    "RouteLikelihood",
     "Scales",
     "SegmentMean",
     "Serial",
@@ -158,10 +172,13 @@ __all__ = [
     "TrackDifference",
     "TrackError",
     "TrackView",
+    "TravelTime",
+    "Traversals",
     "Trip",
     "Trips",
     "UnknownFormatError",
     "UnknownTrackError",
+    "Usage",
     "Walk",
     "Waypoints",
     "WorkerError",
@@ -182,9 +199,11 @@ __all__ = [
     "plot",
     "polyline",
     "read",
+    "route",
     "save_coreset",
     "segment_mean",
     "trips",
+    "usage",
     "write_page",
 ]
 
@@ -206,9 +225,11 @@ _HOMES = {
         "open_coreset",
         "patch",
         "read",
+        "route",
         "save_coreset",
         "segment_mean",
         "trips",
+        "usage",
     ),
     "gpszip.archive": (
         "Archive",
@@ -231,7 +252,17 @@ _HOMES = {
         "UnknownTrackError",
         "WorkerError",
     ),
+    "gpszip.history.agents": ("AgentSpeed",),
+    "gpszip.history.calendar": ("Calendar",),
     "gpszip.history.predictor": ("Predictor",),
+    "gpszip.history.routes": ("PlannedRoute",),
+    "gpszip.history.transitions": (
+        "EdgeTransitions",
+        "RouteLikelihood",
+    ),
+    "gpszip.history.travel_time": ("TravelTime",),
+    "gpszip.history.traversals": ("Traversals",),
+    "gpszip.history.usage": ("Usage",),
     "gpszip.matching.live": (
         "FinalisedPosition",
         "LivePosition",

@@ -39,6 +39,8 @@ from gpszip.run.executor import Executor
 
 if TYPE_CHECKING:
     from gpszip.container.contents import Section
+    from gpszip.history.routes import PlannedRoute
+    from gpszip.history.usage import Usage
     from gpszip.io.frames.source import FrameSource
     from gpszip.model.difference import Difference
     from gpszip.model.match import Matching
@@ -64,9 +66,11 @@ __all__ = [
     "open_coreset",
     "patch",
     "read",
+    "route",
     "save_coreset",
     "segment_mean",
     "trips",
+    "usage",
 ]
 
 
@@ -726,15 +730,11 @@ def trips(
     ({(1, 2): 1}, 5000)
     """
     from gpszip.history.values import Settings
-    from gpszip.pipeline.diff import holds_archive
     from gpszip.pipeline.trips import trips_of_archive, trips_of_log
 
-    # A file that begins like an archive.
+    # An archive.
     settings = Settings(min_stay, max_pause, radius)
-    if isinstance(source, str | os.PathLike) and pathlib.Path(source).is_file():
-        with pathlib.Path(source).open("rb") as file:
-            is_archive = holds_archive(file.read(8))
-        source = open_archive(source) if is_archive else source
+    source = _open_if_archive(source)
     if isinstance(source, Archive):
         return trips_of_archive(source, settings, timezone)
 
@@ -748,6 +748,128 @@ def trips(
     read_result = read_logs(_as_names(files), accuracy=True, sort=True)
     _warn_of_losses(read_result)
     return trips_of_log(read_result.tracks, settings, timezone)
+
+
+def usage(
+    source: Archive | Logs,
+    *,
+    by: Sequence[str] = ("hour", "weekday"),
+    timezone: str | None = None,
+) -> Usage:
+    """Count how often, how fast and when the edges of a map are travelled.
+
+    Parameters
+    ----------
+    source : Archive, path, Track, or sequence of Track or path
+        A file is an archive if it begins like one, else a log; a log is compressed on the way. The
+        edges are those of the clean map, in the numbers of ``match(track, archive)``.
+    by : sequence of str, default ("hour", "weekday")
+        Parts of local time by which rows are split: ``hour``, ``weekday`` (0 is Monday),
+        ``month``, ``period``, ``date``. Empty: a row for each edge and direction.
+    timezone : str, optional
+        Time zone of these parts, such as ``Europe/Berlin``. By default that of the place, if the
+        package timezonefinder is there, else UTC.
+
+    Returns
+    -------
+    Usage
+        With columns of numbers, relative speeds of the tracks, and the Markov model of the map.
+
+    Raises
+    ------
+    InputError, CorruptArchiveError
+        If a file can't be read, or nothing moves in it.
+    OptionError
+        If there is no such part or zone, or tracks have no times, which parts need.
+
+    Examples
+    --------
+    >>> from gpszip.testing import ring
+    >>> used = usage(compress(ring(4, laps=6).tracks, max_error=5), by=["hour"])
+    >>> used.columns["traversals"].sum() >= 6
+    np.True_
+    """
+    from gpszip.pipeline.usage import usage as usage_of_archive
+
+    return usage_of_archive(_archive_of(source), by=by, timezone=timezone)
+
+
+def route(
+    source: Archive | Logs,
+    *places: Sequence[float],
+    by: str = "time",
+    depart: str | Times | None = None,
+    alternatives: int = 0,
+    timezone: str | None = None,
+) -> tuple[PlannedRoute, ...]:
+    """Plan a route over the map of an archive, in directions that were travelled.
+
+    Parameters
+    ----------
+    source : Archive, path, Track, or sequence of Track or path
+        As for :func:`usage`.
+    *places : sequence of float
+        Where the route begins, passes and ends, as latitude and longitude, or x and y.
+    by : str, default "time"
+        What the route minimises: ``time``, ``length``, or ``traversals``: metres divided by the
+        traversals of their edge, for the most travelled route.
+    depart : str or time, optional
+        Departure: a time of day such as ``08:00`` on the last day of the log, or a time as for
+        :meth:`Archive.position`. By default means over the day count.
+    alternatives : int, default 0
+        Alternatives to look for, if there are two places.
+    timezone : str, optional
+        As for :func:`usage`.
+
+    Returns
+    -------
+    tuple of PlannedRoute
+        The best one first. With times in the log, each has its seconds and a band of 80 %.
+
+    Raises
+    ------
+    InputError, CorruptArchiveError
+        If a file can't be read, or nothing moves in it.
+    OptionError
+        If a place is far from the map, no route leads there, or times are needed and missing.
+
+    Examples
+    --------
+    >>> from gpszip.testing import ring
+    >>> archive = compress(ring(4, laps=6).tracks, max_error=5)
+    >>> corners = archive.clean_map().points[[0, -1]]
+    >>> planned = route(archive, *corners)[0]
+    >>> planned.length > 0, planned.arrival.low <= planned.arrival.high
+    (True, True)
+    """
+    from gpszip.pipeline.route import plan_route
+
+    plan = plan_route(
+        _archive_of(source),
+        places,
+        by=by,
+        depart=depart,
+        alternatives=alternatives,
+        timezone=timezone,
+    )
+    return plan.routes
+
+
+def _archive_of(source: Archive | Logs) -> Archive:
+    """An archive as it is, or one of a log, compressed on the way with little effort."""
+    source = _open_if_archive(source)
+    return source if isinstance(source, Archive) else compress(source, effort=1)
+
+
+def _open_if_archive(source: Archive | Logs) -> Archive | Logs:
+    """Open a file that begins as an archive does; everything else stays as it is."""
+    from gpszip.pipeline.diff import holds_archive
+
+    if isinstance(source, str | os.PathLike) and pathlib.Path(source).is_file():
+        with pathlib.Path(source).open("rb") as file:
+            if holds_archive(file.read(8)):
+                return open_archive(source)
+    return source
 
 
 def join(archives: Sequence[Archive | ArchiveSource]) -> Archive:
@@ -1120,13 +1242,10 @@ def _as_names(sources: Iterable[LogSource]) -> list[str | BinaryIO | FrameSource
 
 def _side_to_compare(source: Archive | Logs, gap: float | None) -> Side:
     """An archive or a log as what is compared; files are opened or read."""
-    from gpszip.pipeline.diff import holds_archive, side_of_archive, side_of_log
+    from gpszip.pipeline.diff import side_of_archive, side_of_log
 
-    # A file that begins like an archive.
-    if isinstance(source, str | os.PathLike) and pathlib.Path(source).is_file():
-        with pathlib.Path(source).open("rb") as file:
-            is_archive = holds_archive(file.read(8))
-        source = open_archive(source) if is_archive else source
+    # An archive.
+    source = _open_if_archive(source)
     if isinstance(source, Archive):
         return side_of_archive(source)
 

@@ -56,6 +56,8 @@ _COMMANDS = (
     "match",
     "patch",
     "trips",
+    "usage",
+    "route",
     "merge",
     "view",
     "listen",

@@ -15,7 +15,7 @@ from gpszip.archive import Archive, open_archive
 from gpszip.errors import OptionError
 from gpszip.history.destinations import DestinationModel, TripEnds, learn_destinations
 from gpszip.history.exits import list_exits
-from gpszip.history.routes import read_route, tell_route
+from gpszip.history.given_routes import read_route, tell_route
 from gpszip.history.sequence_model import Passes, SequenceModel, train
 from gpszip.history.traversals import History, read_history
 from gpszip.history.trips import cut_trips, nearest_ends
