@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         read,
         save_coreset,
         segment_mean,
+        usage,
     )
     from gpszip.archive import Archive, TrackView
     from gpszip.codec.waypoints import Waypoints
@@ -47,7 +48,12 @@ if TYPE_CHECKING:
         UnknownTrackError,
         WorkerError,
     )
+    from gpszip.history.agents import AgentSpeed
+    from gpszip.history.calendar import Calendar
+    from gpszip.history.markov import Likelihood, MarkovModel
     from gpszip.history.predictor import Predictor
+    from gpszip.history.traversals import Traversals
+    from gpszip.history.usage import Usage
     from gpszip.matching.live import FinalisedPosition, LivePosition
     from gpszip.model import (
         CleanMap,
@@ -86,10 +92,12 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "AgentSpeed",
     "Archive",
     "Arrival",
     "BoundError",
     "Break",
+    "Calendar",
     "CleanMap",
     "Coreset",
     "CoresetStream",
@@ -107,6 +115,7 @@ __all__ = [
     "GPSZipError",
     "InputError",
     "LeftOut",
+    "Likelihood",
     "LikelyNode",
     "LikelyRoute",
     "Listener",
@@ -114,6 +123,7 @@ __all__ = [
     "Loss",
     "LossWarning",
     "MapError",
+    "MarkovModel",
     "Match",
     "Matcher",
     "Matching",
@@ -148,8 +158,10 @@ __all__ = [
     "TrackDifference",
     "TrackError",
     "TrackView",
+    "Traversals",
     "UnknownFormatError",
     "UnknownTrackError",
+    "Usage",
     "Walk",
     "Waypoints",
     "WorkerError",
@@ -170,6 +182,7 @@ __all__ = [
     "read",
     "save_coreset",
     "segment_mean",
+    "usage",
     "write_page",
 ]
 
@@ -191,6 +204,7 @@ _HOMES = {
         "read",
         "save_coreset",
         "segment_mean",
+        "usage",
     ),
     "gpszip.archive": (
         "Archive",
@@ -213,7 +227,15 @@ _HOMES = {
         "UnknownTrackError",
         "WorkerError",
     ),
+    "gpszip.history.agents": ("AgentSpeed",),
+    "gpszip.history.calendar": ("Calendar",),
+    "gpszip.history.markov": (
+        "Likelihood",
+        "MarkovModel",
+    ),
     "gpszip.history.predictor": ("Predictor",),
+    "gpszip.history.traversals": ("Traversals",),
+    "gpszip.history.usage": ("Usage",),
     "gpszip.matching.live": (
         "FinalisedPosition",
         "LivePosition",

@@ -28,6 +28,7 @@ from gpszip.run.executor import Executor
 
 if TYPE_CHECKING:
     from gpszip.container.contents import Section
+    from gpszip.history.usage import Usage
     from gpszip.io.frames.source import FrameSource
     from gpszip.model.difference import Difference
     from gpszip.model.match import Matching
@@ -52,6 +53,7 @@ __all__ = [
     "read",
     "save_coreset",
     "segment_mean",
+    "usage",
 ]
 
 
@@ -644,6 +646,63 @@ def diff(
     from gpszip.pipeline.diff import diff as diff_sides
 
     return diff_sides(_side_to_compare(first, gap), _side_to_compare(second, gap), worst=worst)
+
+
+def usage(
+    source: Archive | Logs,
+    *,
+    by: Sequence[str] = ("hour", "weekday"),
+    timezone: str | None = None,
+) -> Usage:
+    """Count how often, how fast and when the edges of a map are travelled.
+
+    Parameters
+    ----------
+    source : Archive, path, Track, or sequence of Track or path
+        A file is an archive if it begins like one, else a log; a log is compressed on the way. The
+        edges are those of the clean map, in the numbers of ``match(track, archive)``.
+    by : sequence of str, default ("hour", "weekday")
+        Parts of local time by which rows are split: ``hour``, ``weekday`` (0 is Monday),
+        ``month``, ``period``, ``date``. Empty: a row for each edge and direction.
+    timezone : str, optional
+        Time zone of these parts, such as ``Europe/Berlin``. By default that of the place, if the
+        package timezonefinder is there, else UTC.
+
+    Returns
+    -------
+    Usage
+        With columns of numbers, relative speeds of the tracks, and the Markov model of the map.
+
+    Raises
+    ------
+    InputError, CorruptArchiveError
+        If a file can't be read, or nothing moves in it.
+    OptionError
+        If there is no such part or zone, or tracks have no times, which parts need.
+
+    Examples
+    --------
+    >>> from gpszip.testing import ring
+    >>> used = usage(compress(ring(4, laps=6).tracks, max_error=5), by=["hour"])
+    >>> used.columns["traversals"].sum() >= 6
+    np.True_
+    """
+    from gpszip.pipeline.usage import usage as usage_of_archive
+
+    return usage_of_archive(_history_of(source), by=by, timezone=timezone)
+
+
+def _history_of(source: Archive | Logs) -> Archive:
+    """An archive as it is, or one of a log, compressed on the way with little effort."""
+    from gpszip.pipeline.diff import holds_archive
+
+    if isinstance(source, Archive):
+        return source
+    if isinstance(source, str | os.PathLike) and pathlib.Path(source).is_file():
+        with pathlib.Path(source).open("rb") as file:
+            if holds_archive(file.read(8)):
+                return open_archive(source)
+    return compress(source, effort=1)
 
 
 def join(archives: Sequence[Archive | ArchiveSource]) -> Archive:

@@ -64,6 +64,8 @@ COMMANDS = [
     "view walk.gpsz --raw rough.csv -o out.html",
     "diff walk.gpsz walk.csv",
     "diff walk.gpsz two.gpsz",
+    "usage walk.gpsz --by none",
+    "usage walk.csv --likelihood walk.csv --by hour -o out.csv",
     "info walk.gpsz",
     "info two.gpsz --detail",
     "verify walk.gpsz",

@@ -54,6 +54,7 @@ _COMMANDS = (
     "network",
     "match",
     "patch",
+    "usage",
     "merge",
     "view",
     "info",

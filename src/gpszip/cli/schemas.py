@@ -208,6 +208,56 @@ _DISTANCES: Fields = {
     "compared": "integer: times that were compared",
 }
 
+#: What gpszip usage says.
+_USAGE: Fields = {
+    "edges": "integer: edges of the clean map",
+    "traversals": "integer: traversals of edges",
+    "tracks": "integer: tracks",
+    "length": "number: metres travelled",
+    "dwell": "number: seconds of standing",
+    "rows": "integer: rows of the table",
+    "by": _list("string: a part of local time", "parts by which rows are split"),
+    "timezone": "string|null: time zone of hours; null where times are no dates",
+    "timezone_from": {
+        "enum": ["option", "place", "default", "log"],
+        "description": "who said it; log: hours count from the log's zero",
+    },
+    "repeated": "number: share of the metres on edges that were travelled before",
+    "repeated_by_track": "number: the same, by the same track",
+    "transitions": "integer: transitions from edge to edge",
+    "smoothing": "number: added to the count of each exit of a node",
+    "likelihood": {
+        "anyOf": [
+            _object(
+                {
+                    "log_likelihood": "number: natural logarithm of the probability of the log",
+                    "transitions": "integer: transitions of the log",
+                    "bits_per_transition": "number|null: mean of -log2 of the probabilities",
+                }
+            ),
+            {"type": "null"},
+        ],
+        "description": "of the log of --likelihood",
+    },
+    "agents": _list(
+        _object(
+            {
+                "track": "string: its name",
+                "traversals": "integer: traversals with a speed",
+                "relative_speed": "number: median of its speed over that of all",
+                "cluster": "integer: 0 is slowest; -1 where there are few traversals",
+            }
+        ),
+        "speeds of the tracks relative to each other",
+    ),
+    "read": {
+        "anyOf": [_object(_READ), {"type": "null"}],
+        "description": "what reading a log lost and repaired; null for an archive",
+    },
+    "output": "string|null: the table",
+    "transitions_output": "string|null: the table of transitions",
+}
+
 #: What gpszip diff says of one track.
 _TRACK_DIFFERENCE: Fields = {
     "id": "string: the track",
@@ -411,6 +461,7 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "join": (_ARCHIVE, {}),
     "select": (_PARTS, {}),
     "split": (_PARTS, {}),
+    "usage": (_USAGE, {}),
     "diff": (
         {
             "a": "string: the first file",
