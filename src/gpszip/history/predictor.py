@@ -15,6 +15,7 @@ from gpszip.archive import Archive, open_archive
 from gpszip.errors import OptionError
 from gpszip.history.destinations import DestinationModel, TripEnds, learn_destinations
 from gpszip.history.exits import list_exits
+from gpszip.history.pace_so_far import band_factor
 from gpszip.history.routes import read_route, tell_route
 from gpszip.history.sequence_model import Passes, SequenceModel, train
 from gpszip.history.travel_time import TravelTimes, learn_travel_times
@@ -284,13 +285,14 @@ class Predictor:
         way = self._way(directed, goal, time, agent)
 
         # This trip's pace so far, where it is known when it began.
-        pace = 1.0
+        pace = factor = 1.0
         if times is not None and time is not None:
             if len(times) != len(route):
                 raise OptionError(f"the route has {len(route)} edges and {len(times)} times")
             begin = float(times[len(route) - len(directed)])
             expected = float(self._times.seconds(*_columns(directed), begin).sum())
             pace = self._times.pace_so_far(max(time - begin, 0.0), expected)
+            factor = self._band_factor
 
         # The rest of the way.
         if not way:
@@ -298,7 +300,9 @@ class Predictor:
         edges, forward = _columns(way)
         told = self._times.arrival(edges, forward, time, pace=pace)
         metres = float(self.network.lengths[edges].sum())
-        return Arrival(told.seconds, told.low, told.high, metres, tell_route(way))
+        low = told.seconds * (told.low / told.seconds) ** factor
+        high = told.seconds * (told.high / told.seconds) ** factor
+        return Arrival(told.seconds, low, high, metres, tell_route(way))
 
     def learn(
         self,
@@ -372,8 +376,10 @@ class Predictor:
         """Directed edges from the end of a route to the goal."""
         # The user knows the way.
         if not isinstance(goal, int | np.integer):
-            way = self._read([*tell_route(route[-1:]), *_pairs(goal)])
-            if way[0] != route[-1]:
+            rest = [*tell_route(route[-1:]), *_pairs(goal)]
+            options, edges = self._model.options, len(self.network)
+            way = read_route(rest, options, edges, longest=len(rest))
+            if len(way) < len(rest):
                 raise OptionError(
                     "the route that remains does not begin where the other one ends",
                     remedy="give all edges from there on, each beginning where the last one ends",
@@ -400,6 +406,11 @@ class Predictor:
     def _times(self) -> TravelTimes:
         """Travel times, which only :meth:`arrival` needs."""
         return learn_travel_times(History(self.network, self._traversals))
+
+    @cached_property
+    def _band_factor(self) -> float:
+        """How much narrower the band of arrivals is once a trip has shown its pace."""
+        return band_factor(self._times, self._traversals)
 
     @cached_property
     def _destinations(self) -> DestinationModel:
