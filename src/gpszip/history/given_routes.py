@@ -16,7 +16,11 @@ _LONGEST = 256
 
 
 def read_route(
-    route: Route | Iterable[Any], options: Sequence[Sequence[int]], edges: int
+    route: Route | Iterable[Any],
+    options: Sequence[Sequence[int]],
+    edges: int,
+    *,
+    longest: int = _LONGEST,
 ) -> list[int]:
     """Directed edges at the end of a route, from its last break on.
 
@@ -29,11 +33,13 @@ def read_route(
         Directed edges that may follow each.
     edges : int
         Number of edges of the network.
+    longest : int, default 256
+        Edges at the end of the route that are read.
 
     Returns
     -------
     list of int
-        ``2 * edge``, plus 1 where it is travelled backward; at least one, at most _LONGEST.
+        ``2 * edge``, plus 1 where it is travelled backward; at least one.
 
     Raises
     ------
@@ -45,7 +51,7 @@ def read_route(
         route = list(zip(route.edges.tolist(), route.forward.tolist(), strict=True))
     elif not isinstance(route, list | tuple):
         route = list(route)
-    skipped = max(0, len(route) - _LONGEST)
+    skipped = max(0, len(route) - longest)
     recent = route[skipped:]
     if not recent:
         raise OptionError("the route is empty", remedy="give the edges travelled so far")
