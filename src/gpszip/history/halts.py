@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -170,10 +171,6 @@ def _add_turns(fixes: Fixes, halts: list[Halt], settings: Settings) -> list[Halt
     """Add short halts at the far end of round trips, which are their goals."""
     if settings.min_stay <= TURN_TIME or len(fixes) < 2:
         return halts
-    radius = settings.radius * TURN_TIME / settings.min_stay
-    short = find_halts(fixes, TURN_TIME, radius)
-    firsts = np.array([halt.first for halt in short], np.int64)
-
     # Ways from halt to halt; a track may begin and end on the way.
     ends = list(halts)
     if not halts or halts[0].first > 0:
@@ -182,31 +179,41 @@ def _add_turns(fixes: Fixes, halts: list[Halt], settings: Settings) -> list[Halt
         ends.append(_single(fixes, len(fixes) - 1, settings))
 
     # At most one halt on each.
-    turns = []
-    for one, other in pairwise(ends):
-        low, high = np.searchsorted(firsts, [one.last + 1, other.first])
-        inside = [halt for halt in short[low:high] if halt.last < other.first]
-        turns += _find_turn(fixes, one, other, inside, settings)
+    turns = [
+        turn
+        for one, other in pairwise(ends)
+        if (turn := _find_turn(fixes, one, other, settings)) is not None
+    ]
     return sorted([*halts, *turns], key=lambda halt: halt.first)
 
 
-def _find_turn(
-    fixes: Fixes, one: Halt, other: Halt, short: list[Halt], settings: Settings
-) -> list[Halt]:
-    """Return the longest of short halts at the far end of a way there and back; empty without."""
-    if not short:
-        return []
+def _find_turn(fixes: Fixes, one: Halt, other: Halt, settings: Settings) -> Halt | None:
+    """Return the longest short halt at the far end of a way there and back; None without."""
+    # Does it lead far, and back?
     rows = slice(one.last + 1, other.first)
-    farthest = float(distances(fixes.positions[rows], one.centre).max())
-    least = max(_FAR_SHARE * farthest, _MIN_TURN_WAY * settings.radius)
+    if rows.stop - rows.start < _MIN_ROUTE_FIXES:
+        return None
+    away = distances(fixes.positions[rows], one.centre)
+    far_end = fixes.positions[one.last + 1 + int(away.argmax())]
+    if away.max() < _MIN_TURN_WAY * settings.radius:
+        return None
+    if directness(one.centre, far_end, other.centre) >= _TURNED_BACK:
+        return None
+
+    # Short halts there, of which the longest counts.
+    way = Fixes(fixes.times[rows], fixes.positions[rows], fixes.noise[rows])
+    radius = settings.radius * TURN_TIME / settings.min_stay
     turns = [
         halt
-        for halt in short
-        if distance(halt.centre, one.centre) >= least
+        for halt in find_halts(way, TURN_TIME, radius)
+        if distance(halt.centre, one.centre)
+        >= max(_FAR_SHARE * float(away.max()), _MIN_TURN_WAY * settings.radius)
         and directness(one.centre, halt.centre, other.centre) < _TURNED_BACK
     ]
-    durations = [fixes.times[halt.last] - fixes.times[halt.first] for halt in turns]
-    return [turns[int(np.argmax(durations))]] if turns else []
+    if not turns:
+        return None
+    longest = max(turns, key=lambda halt: way.times[halt.last] - way.times[halt.first])
+    return replace(longest, first=longest.first + rows.start, last=longest.last + rows.start)
 
 
 def is_alone(fixes: Fixes, halt: Halt, settings: Settings) -> bool:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.history.fixes import MAX_SPEED, Fixes
+from gpszip.history.fixes import MAX_SPEED, Fixes, lengths
 from gpszip.history.values import Halt
 
 __all__ = [
@@ -58,8 +58,7 @@ def distance(one: Floats, other: Floats) -> float:
 
 def distances(positions: Floats, centre: Floats) -> Floats:
     """Metres of positions, shape (n, d), from another one."""
-    lengths: Floats = np.sqrt(((positions - centre) ** 2).sum(axis=1))
-    return lengths
+    return lengths(positions - centre)
 
 
 def directness(begin: Floats, middle: Floats, end: Floats) -> float:
