@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gpszip.history.fixes import Fixes
 from gpszip.history.stays import find_halts
 from gpszip.history.travel import (
+    ERROR_FACTOR,
     MAX_GAP,
     TRAVEL_SHARE,
     directness,
@@ -121,12 +122,13 @@ def _leaves(fixes: Fixes, one: Halt, other: Halt, settings: Settings) -> bool:
     """
     rows = slice(one.last + 1, other.first)
     positions, noise = fixes.positions[rows], fixes.noise[rows]
-    far = distances(positions, one.centre) - noise > settings.radius
+    far = distances(positions, one.centre) - ERROR_FACTOR * noise > settings.radius
     if far.sum() < _MIN_ROUTE_FIXES:
         return False
     outside, noise = positions[far], noise[far]
     spot = np.median(outside, axis=0)
-    return bool((distances(outside, spot) - noise > settings.radius / 2).any())
+    away = distances(outside, spot) - ERROR_FACTOR * noise
+    return bool((away > settings.radius / 2).any())
 
 
 def _drop_jumps(fixes: Fixes, halts: list[Halt], settings: Settings) -> list[Halt]:
@@ -162,7 +164,8 @@ def _is_error(fixes: Fixes, one: Halt, halt: Halt, other: Halt, settings: Settin
 def _is_seen(fixes: Fixes, one: Halt, other: Halt, settings: Settings) -> bool:
     """Whether a fix between two halts is at neither of both places."""
     rows = slice(one.last + 1, other.first)
-    positions, reach = fixes.positions[rows], settings.radius + fixes.noise[rows]
+    positions = fixes.positions[rows]
+    reach = settings.radius + ERROR_FACTOR * fixes.noise[rows]
     away = [distances(positions, halt.centre) > reach for halt in (one, other)]
     return bool((away[0] & away[1]).any())
 

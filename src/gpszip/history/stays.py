@@ -41,6 +41,9 @@ _MIN_REACH_SHARE = 0.3
 #: Reach of a place as a multiple of the median distance of its fixes from their centre.
 _REACH_FACTOR = 2.0
 
+#: Fixes of half a halt whose errors are taken to be independent, at most.
+_MAX_INDEPENDENT = 4.0
+
 #: Positions of a halt at even times from which its centre is computed: twice its fixes, but within
 #: these bounds; more change it by little.
 _MIN_SAMPLES = 21
@@ -280,7 +283,10 @@ def _moves(fixes: Fixes, first: int, last: int, window: float, radius: float) ->
 def _split_at_drift(
     fixes: Fixes, first: int, last: int, window: float, radius: float
 ) -> list[tuple[int, int]]:
-    """Cut fixes where their mean over a window leaves the place, as on a walk to the next one."""
+    """Cut fixes where their mean over a window leaves the place, as on a walk to the next one.
+
+    Parts that go on are left out: large errors hide a walk from the windows.
+    """
     times = fixes.times[first : last + 1]
     if times[-1] - times[0] < 2 * window:
         return [(first, last)]
@@ -303,7 +309,21 @@ def _split_at_drift(
         part
         for start, after in pairwise(bounds)
         for part in _split_at_drift(fixes, first + start, first + after - 1, window, radius)
+        if not _goes_on(fixes, *part, window, radius)
     ]
+
+
+def _goes_on(fixes: Fixes, first: int, last: int, window: float, radius: float) -> bool:
+    """Whether the means of both halves of some fixes lie too far apart for a halt."""
+    duration = float(fixes.times[last] - fixes.times[first])
+    positions, errors = _sample(fixes, first, last)
+    half = len(positions) // 2
+    way = math.dist(positions[:half].mean(axis=0), positions[-half:].mean(axis=0))
+
+    # Errors last for several fixes, so that few of them count.
+    count = min((last - first + 1) / 2, _MAX_INDEPENDENT)
+    noise = float(np.median(errors)) / math.sqrt(max(count, 1.0))
+    return way - noise > _max_speed(window, radius) * duration / 2
 
 
 def _trim(fixes: Fixes, first: int, last: int, radius: float) -> Halt:

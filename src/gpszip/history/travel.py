@@ -11,6 +11,7 @@ from gpszip.history.fixes import MAX_SPEED, Fixes, lengths
 from gpszip.history.values import Halt
 
 __all__ = [
+    "ERROR_FACTOR",
     "MAX_GAP",
     "TRAVEL_SHARE",
     "WAY_FACTOR",
@@ -23,6 +24,9 @@ __all__ = [
     "speed_before",
     "travel_time",
 ]
+
+#: Errors that are stated hold for two of three fixes: this many times as much holds for 19 of 20.
+ERROR_FACTOR = 2.0
 
 #: Length of a way as a multiple of the straight line: 1.3 in towns, by roads or on foot.
 WAY_FACTOR = 1.3
