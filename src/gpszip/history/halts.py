@@ -23,13 +23,14 @@ from gpszip.history.travel import (
 )
 from gpszip.history.values import Halt, Settings
 
-__all__ = ["TURN_TIME", "choose_halts", "find_known", "is_alone", "is_same"]
+__all__ = ["TURN_TIME", "choose_halts", "find_known", "is_alone", "is_same", "turns_back"]
 
 #: Fixes on the way that a trip has at least: a single one may be an error.
 _MIN_ROUTE_FIXES = 2
 
-#: Seconds of a stop at the far end of a round trip that is its goal. A red light is shorter.
-TURN_TIME = 120.0
+#: Seconds of a stop at the far end of a round trip that is its goal. Red lights are as long, but
+#: nobody turns back at one.
+TURN_TIME = 60.0
 
 #: A stop lies at the far end of a round trip if its distance from where the trip began is this
 #: share of the largest one, or more.
@@ -198,9 +199,7 @@ def _find_turn(fixes: Fixes, one: Halt, other: Halt, settings: Settings) -> Halt
         return None
     away = distances(fixes.positions[rows], one.centre)
     far_end = fixes.positions[one.last + 1 + int(away.argmax())]
-    if away.max() < _MIN_TURN_WAY * settings.radius:
-        return None
-    if directness(one.centre, far_end, other.centre) >= _TURNED_BACK:
+    if not turns_back(one.centre, far_end, other.centre, settings):
         return None
 
     # Short halts there, of which the longest counts.
@@ -209,14 +208,19 @@ def _find_turn(fixes: Fixes, one: Halt, other: Halt, settings: Settings) -> Halt
     turns = [
         halt
         for halt in find_halts(way, TURN_TIME, radius)
-        if distance(halt.centre, one.centre)
-        >= max(_FAR_SHARE * float(away.max()), _MIN_TURN_WAY * settings.radius)
-        and directness(one.centre, halt.centre, other.centre) < _TURNED_BACK
+        if distance(halt.centre, one.centre) >= _FAR_SHARE * float(away.max())
+        and turns_back(one.centre, halt.centre, other.centre, settings)
     ]
     if not turns:
         return None
     longest = max(turns, key=lambda halt: way.times[halt.last] - way.times[halt.first])
     return replace(longest, first=longest.first + rows.start, last=longest.last + rows.start)
+
+
+def turns_back(one: Floats, turn: Floats, other: Floats, settings: Settings) -> bool:
+    """Whether a way from one position to another leads far, to where it turns, and back."""
+    is_far = distance(one, turn) >= _MIN_TURN_WAY * settings.radius
+    return is_far and directness(one, turn, other) < _TURNED_BACK
 
 
 def is_alone(fixes: Fixes, halt: Halt, settings: Settings) -> bool:
