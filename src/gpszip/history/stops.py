@@ -62,7 +62,10 @@ def estimate_stops(
         Stop(begin, end, float(fixes.times[halt.first]), float(fixes.times[halt.last]), halt)
         for i, (begin, end, halt) in enumerate(zip(begins, ends, halts, strict=True))
         if end - begin >= settings.min_stay
-        or (end - begin >= TURN_TIME and turns_back(centres[i], centres[i + 1], centres[i + 2], settings))
+        or (
+            end - begin >= TURN_TIME
+            and turns_back(centres[i], centres[i + 1], centres[i + 2], settings)
+        )
     ]
 
 
