@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gpszip.history.fixes import Fixes
 from gpszip.history.halts import is_same
-from gpszip.history.travel import directness, distance, distances, fills, is_jump
+from gpszip.history.travel import ERROR_FACTOR, directness, distance, distances, fills, is_jump
 from gpszip.history.values import Halt, Move, Settings, Stop
 
 __all__ = ["find_moves", "join_over_pauses"]
@@ -58,7 +58,7 @@ def _find_trip(
     positions, noise = fixes.positions[rows], fixes.noise[rows]
     from_first, from_last = (distances(positions, halt.centre) for halt in (first, last))
     on_the_way = (from_first > first.reach) & (from_last > last.reach)
-    farthest = float((from_first - noise).max(initial=0.0))
+    farthest = float((from_first - ERROR_FACTOR * noise).max(initial=0.0))
     way = distance(first.centre, last.centre) - first.noise - last.noise
     if max(farthest, way) <= settings.radius:
         return None
