@@ -108,6 +108,7 @@ def read(
     frame: str | None = None,
     times_file: str | os.PathLike[str] | None = None,
     rate: float | None = None,
+    weight: str | None = None,
 ) -> ReadResult:
     r"""Read tracks from logs: files, or frames of other packages.
 
@@ -163,6 +164,9 @@ def read(
         File with a time in each line, for KITTI's poses, which have none.
     rate : float, optional
         Poses in a second, for KITTI's poses.
+    weight : str, optional
+        Column of the weights of the points, which are above 0; all weigh 1 where left out.
+        :func:`segment_mean` and :func:`coreset` use them.
 
     Returns
     -------
@@ -220,6 +224,7 @@ def read(
         frame=frame,
         times_file=None if times_file is None else os.fspath(times_file),
         rate=rate,
+        weight=weight,
     )
     _warn_of_losses(result)
     return result

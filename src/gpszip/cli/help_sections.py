@@ -21,6 +21,7 @@ _SECTIONS = {
         "raw",
         "format",
         "columns",
+        "weight",
         "time_unit",
         "dates",
         "clean",

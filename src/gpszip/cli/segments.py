@@ -117,6 +117,11 @@ class _Number(click.ParamType):  # type: ignore[type-arg, unused-ignore]
     help="Longer intervals between points are gaps, which no part crosses; none: no gaps. By "
     "default estimated.",
 )
+@click.option(
+    "--weight",
+    metavar="COLUMN",
+    help="Column of the weights of points, which multiply their squared errors.",
+)
 @click.option("--clean", is_flag=True, help="Drop outliers, as compress does.")
 @time_order_options
 @skip_bad_logs

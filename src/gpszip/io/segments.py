@@ -132,10 +132,8 @@ def _parts(
 def _axes(model: MarkovModel) -> list[str]:
     """Names of the coordinates."""
     if model.plane is not None:
-        return ["lat", "lon", *(f"x{axis}" for axis in range(2, model.dimension))]
-    if model.dimension <= _MAX_AXES:
-        return list("xyz"[: model.dimension])
-    return [f"x{axis}" for axis in range(model.dimension)]
+        return ["lat", "lon"]
+    return [*"xyz", *(f"x{axis}" for axis in range(4, model.dimension + 1))][: model.dimension]
 
 
 def _ends(model: MarkovModel) -> tuple[list[list[float]], list[list[float]]]:
