@@ -7,6 +7,7 @@ import pytest
 
 import gpszip as package
 from gpszip.geo.planes import choose_plane, to_plane
+from gpszip.segmentation.evaluate import rmse
 
 
 @pytest.fixture
@@ -227,3 +228,40 @@ def test_a_weight_is_no_attribute(gpszip, four_axes):
     track = package.read("four.csv", weight="w", keep=("w",)).tracks[0]
     assert track.weights.tolist() == four_axes.weights.tolist()
     assert not track.attributes
+
+
+def test_a_coreset_stands_for_its_log(log, gpszip):
+    assert gpszip("coreset walk.csv -o walk.parquet --size 40").code == 0
+    done = gpszip("segments walk.parquet -o small.json --k 8 --rmse 1m --json")
+    assert done.code == 0, done.err
+    value = json.loads(Path("small.json").read_text())
+    assert (value["points"], value["max_error"]) == (200, None)
+    assert value["cost_bounds"][0] <= value["cost"] <= value["cost_bounds"][1]
+    assert value["rmse"] <= 1
+    track = package.read("walk.csv").tracks[0]
+    parts = value["parts"]
+    boundaries = np.array([part["first"] for part in parts] + [200])
+    labels = np.array([part["segment"] for part in parts], np.int32)
+    starts, ends = (
+        np.array([segment[side] for segment in value["segments"]]) for side in ("start", "end")
+    )
+    mean = package.SegmentMean(boundaries, labels, starts, ends, value["cost"])
+    assert rmse(mean, track) <= 1
+    assert parts[3]["t_start"] == pytest.approx(track.times[parts[3]["first"]])
+
+    done = gpszip("segments walk.parquet -o small.png --k 8 --m 4")
+    assert "RMSE at most" in done.err
+    done = gpszip("segments walk.parquet -o no.json --k 8 --max-error 1m")
+    assert (done.code, "no samples whose maximum" in done.err) == (2, True)
+    done = gpszip("segments walk.parquet -o no.json --given small.json")
+    assert (done.code, "--given takes a log" in done.err) == (2, True)
+
+
+def test_a_long_log_is_learned_from_a_coreset(log, gpszip):
+    done = gpszip(
+        "segments walk.csv -o walk.json --coreset 40 --k 8 --rmse 1m --max-error 3m --json"
+    )
+    assert done.code == 0, done.err
+    assert done.json["rmse"] <= 1
+    assert done.json["max_error"] <= 3
+    assert done.json["least_cost"] <= done.json["cost_bounds"][0]
