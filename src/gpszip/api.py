@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from gpszip.model.trips import Trips
     from gpszip.pipeline.diff import Side
     from gpszip.sketches.coreset import Coreset
+    from gpszip.sketches.stream import CoresetStream
 
 __all__ = [
     "LogSource",
@@ -114,6 +115,7 @@ def read(
     frame: str | None = None,
     times_file: str | os.PathLike[str] | None = None,
     rate: float | None = None,
+    weight: str | None = None,
 ) -> ReadResult:
     r"""Read tracks from logs: files, or frames of other packages.
 
@@ -169,6 +171,9 @@ def read(
         File with a time in each line, for KITTI's poses, which have none.
     rate : float, optional
         Poses in a second, for KITTI's poses.
+    weight : str, optional
+        Column of the weights of the points, which are above 0; all weigh 1 where left out.
+        :func:`segment_mean` and :func:`coreset` use them.
 
     Returns
     -------
@@ -226,6 +231,7 @@ def read(
         frame=frame,
         times_file=None if times_file is None else os.fspath(times_file),
         rate=rate,
+        weight=weight,
     )
     _warn_of_losses(result)
     return result
@@ -998,13 +1004,14 @@ def patch(
 
 
 def segment_mean(
-    tracks: Sequence[Track] | Track,
+    tracks: Sequence[Track] | Track | Coreset | CoresetStream,
     k: int | tuple[int, int] | None = None,
     m: int | tuple[int, int] | None = None,
     *,
     rmse: float | None = None,
     max_error: float | None = None,
     gap: float = math.inf,
+    coreset: int | None = None,
     memo: str | os.PathLike[str] | None = None,
     executor: Executor | None = None,
     progress: Listener | None = None,
@@ -1013,9 +1020,11 @@ def segment_mean(
 
     Parameters
     ----------
-    tracks : Track or sequence of Track
+    tracks : Track, sequence of Track, Coreset or CoresetStream
         n samples in all, on one plane. Parts of all tracks share the segments, and no part goes on
-        from track to track. Weights of samples count.
+        from track to track. Weights of samples count. With a coreset in place of tracks, the cost
+        is its estimate, boundaries count the samples of the log, and an RMSE is held at them by
+        the bounds of the coreset.
     k, m : int or (int, int), optional
         Numbers of parts and of segments, 1 <= m <= k <= n. Of a range, and of those left out, the
         numbers at the elbow of the fitting cost are found (Algorithms 3 and 4).
@@ -1024,6 +1033,8 @@ def segment_mean(
         holds them; where both are, few numbers describe the result.
     gap : float, default infinite
         Longer intervals between samples, in seconds, are gaps, which no part crosses.
+    coreset : int, optional
+        Learn from a coreset of the tracks of this many blocks. Bounds are checked at all samples.
     memo : path, optional
         Folder in which a search for the elbow keeps what it has solved.
     executor : Executor, optional
@@ -1063,21 +1074,24 @@ def segment_mean(
         rmse=rmse,
         max_error=max_error,
         gap=gap,
+        coreset=coreset,
         memo=None if memo is None else Memo(memo),
         executor=executor,
         progress=progress,
     )
 
 
-def markov_model(mean: SegmentMean, tracks: Sequence[Track] | Track) -> MarkovModel:
+def markov_model(
+    mean: SegmentMean, tracks: Sequence[Track] | Track | Coreset | CoresetStream
+) -> MarkovModel:
     """Return the Markov model of a segment mean: transitions, and the spread of samples.
 
     Parameters
     ----------
     mean : SegmentMean
         Of these tracks.
-    tracks : Track or sequence of Track
-        The tracks.
+    tracks : Track, sequence of Track, Coreset or CoresetStream
+        The tracks, or their coreset.
 
     Examples
     --------
@@ -1087,9 +1101,9 @@ def markov_model(mean: SegmentMean, tracks: Sequence[Track] | Track) -> MarkovMo
     >>> model.transitions.tolist(), model.counts.tolist(), model.probabilities.tolist()
     ([[0, 1], [1, 0]], [2, 1], [1.0, 1.0])
     """
-    from gpszip.pipeline.segment_mean import fit_model, join_runs
+    from gpszip.pipeline.segment_mean import as_signal, fit_model
 
-    return fit_model(join_runs(tracks, math.inf), mean)[0]
+    return fit_model(as_signal(tracks, math.inf), mean)[0]
 
 
 def log_likelihood(

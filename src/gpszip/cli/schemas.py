@@ -467,13 +467,18 @@ _SEGMENTS: Fields = {
     "tracks": "integer: tracks",
     "runs": "integer: tracks, and pieces between gaps",
     "gap": "number|null: longer intervals, in seconds, are gaps; null for none",
-    "cost": "number: fitting cost in square metres",
-    "rmse": "number: root mean square error in metres",
-    "max_error": "number: largest error of any sample in metres",
+    "cost": "number: fitting cost in square metres; of a coreset, its estimate",
+    "cost_bounds": {
+        "type": ["array", "null"],
+        "items": {"type": "number"},
+        "description": "bounds on the cost by the coreset; null without one",
+    },
+    "least_cost": "number|null: bound on the cost of any k segments; null without a coreset",
+    "rmse": "number: root mean square error in metres; at most that for a coreset alone",
+    "max_error": "number|null: largest error of any sample in metres; null for a coreset alone",
     "log_likelihood": "number: natural logarithm of the likelihood under the Markov model",
     "log_likelihood_transitions": "number: share of it of the transitions between segments",
     "log_likelihood_samples": "number: share of it of the samples about the segments",
-    **_READ,
 }
 
 _NETWORK: Fields = {
@@ -559,7 +564,7 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "map": ({**_OUTPUT, "edges": "integer: edges that were written"}, {}),
     "plot": ({**_OUTPUT, **_PLOT}, _READ),
     "coreset": ({**_OUTPUT, **_CORESET}, {}),
-    "segments": ({**_OUTPUT, **_SEGMENTS}, {}),
+    "segments": ({**_OUTPUT, **_SEGMENTS}, _READ),
     "network": ({**_OUTPUT, **_NETWORK}, {}),
     "match": ({**_OUTPUT, **_MATCH}, {}),
     "patch": ({**_OUTPUT, **_PATCH}, {}),
