@@ -10,9 +10,14 @@ from hypothesis import strategies as st
 from gpszip import Track
 from gpszip.experiments.peers import libraries
 from gpszip.experiments.peers.by_halves import significances
-from gpszip.experiments.peers.by_removal import effective_areas, squish_priorities, sttrace
+from gpszip.experiments.peers.by_removal import (
+    effective_areas,
+    merge_costs,
+    squish_priorities,
+    sttrace,
+)
 from gpszip.experiments.peers.by_windows import dead_reckoning, opening_window
-from gpszip.experiments.peers.least_squares import bottom_up_line, fit_line
+from gpszip.experiments.peers.least_squares import fit_line
 
 
 def walk(seed, count=40, dimension=2):
@@ -176,8 +181,21 @@ def test_bottom_up_finds_the_corners_of_a_noisy_course():
     times = np.arange(300.0)
     positions = np.column_stack([np.interp(times, [0, 100, 180, 299], axis) for axis in corners.T])
     track = Track("a", times, positions + np.random.default_rng(1).normal(0, 0.5, (300, 2)))
-    line = bottom_up_line(track, 3)
-    assert line.positions == pytest.approx(corners, abs=2.5)
+    kept = np.sort(np.argsort(merge_costs(track))[-4:])
+    assert fit_line(track, kept).positions == pytest.approx(corners, abs=2.5)
+
+
+def merging(track, a, q, b):
+    """Squared distances that one line in place of two adds."""
+    one = sum(sed(track, a, i, b) ** 2 for i in range(a, b + 1))
+    left = sum(sed(track, a, i, q) ** 2 for i in range(a, q + 1))
+    return one - left - sum(sed(track, q, i, b) ** 2 for i in range(q, b + 1))
+
+
+@given(seeds, st.sampled_from([2, 3]))
+def test_bottom_up_merges_what_adds_least(seed, dimension):
+    track = walk(seed, 14, dimension)
+    assert merge_costs(track) == pytest.approx(eliminated(track, merging, adds=False), rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Visvalingam, SQUISH-E and STTrace: remove the sample that matters least, then the next one."""
+"""Visvalingam, SQUISH-E, STTrace and bottom-up: always remove the sample that matters least."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gpszip.model import Track
 
-__all__ = ["effective_areas", "squish_priorities", "sttrace"]
+__all__ = ["effective_areas", "merge_costs", "squish_priorities", "sttrace"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -19,8 +19,8 @@ Ints = NDArray[np.int64]
 #: Time and coordinates of a sample.
 Sample = tuple[float, ...]
 
-#: Cost of removing the second of three samples.
-Cost = Callable[[Sample, Sample, Sample], float]
+#: Cost of removing the second of three samples, by their indices.
+Cost = Callable[[int, int, int], float]
 
 
 def _area(a: Sample, q: Sample, b: Sample) -> float:
@@ -69,7 +69,10 @@ def effective_areas(track: Track) -> Floats:
     >>> effective_areas(track).tolist()
     [inf, 2.0, 8.0, inf]
     """
-    return _eliminate(track, _area, adds=False)
+    samples = _samples(track)
+    return _eliminate(
+        len(track), lambda a, q, b: _area(samples[a], samples[q], samples[b]), adds=False
+    )
 
 
 def squish_priorities(track: Track) -> Floats:
@@ -94,28 +97,74 @@ def squish_priorities(track: Track) -> Floats:
     >>> squish_priorities(track).round(2).tolist()
     [inf, 1.5, 0.5, inf]
     """
-    return _eliminate(track, _distance, adds=True)
+    samples = _samples(track)
+    return _eliminate(
+        len(track), lambda a, q, b: _distance(samples[a], samples[q], samples[b]), adds=True
+    )
 
 
-def _eliminate(track: Track, cost: Cost, *, adds: bool) -> Floats:
-    """Return the largest cost up to the removal of each sample, when always the cheapest goes.
+def merge_costs(track: Track) -> Floats:
+    """Return for each sample the cost from which on bottom-up merging drops it (Keogh et al. 2001).
+
+    Two lines are merged where that adds least to the sum of squared synchronised distances. With
+    sums over samples a to b of times t and positions p, both since the first sample of the track,
+    and the line ``c + v t`` from a to b, the sum of one line is
+    ``sum |p|^2 - 2 c sum p - 2 v sum t p + n |c|^2 + 2 c v sum t + |v|^2 sum t^2``.
 
     Parameters
     ----------
     track : Track
         n samples.
+
+    Returns
+    -------
+    float64 array, shape (n,)
+        Square metres; infinite for both ends.
+
+    Examples
+    --------
+    >>> track = Track("a", range(4), [[0, 0], [1, 1], [2, 0], [3, 0]])
+    >>> merge_costs(track).round(2).tolist()
+    [inf, 0.75, 0.25, inf]
+    """
+    # Sums of all samples before each.
+    t, p = track.times - track.times[0], track.positions - track.positions[0]
+    terms = [np.ones(len(t)), t, t * t, (p * p).sum(axis=1), *p.T, *(t[:, None] * p).T]
+    sums = list(zip(*(np.append(0.0, np.cumsum(term)).tolist() for term in terms), strict=True))
+    samples, dimension = list(zip(t.tolist(), *p.T.tolist(), strict=True)), track.dimension
+
+    # Squared distances from the line between a and b.
+    def line(a: int, b: int) -> float:
+        low, high, start, end = sums[a], sums[b + 1], samples[a], samples[b]
+        n, t1, t2, total = (high[i] - low[i] for i in range(4))
+        for axis in range(1, dimension + 1):
+            v = (end[axis] - start[axis]) / (end[0] - start[0])
+            c = start[axis] - v * start[0]
+            sp = high[3 + axis] - low[3 + axis]
+            stp = high[3 + dimension + axis] - low[3 + dimension + axis]
+            total += n * c * c + 2 * c * v * t1 + v * v * t2 - 2 * c * sp - 2 * v * stp
+        return float(total)
+
+    return _eliminate(len(track), lambda a, q, b: line(a, b) - line(a, q) - line(q, b), adds=False)
+
+
+def _eliminate(count: int, cost: Cost, *, adds: bool) -> Floats:
+    """Return the largest cost up to the removal of each sample, when always the cheapest goes.
+
+    Parameters
+    ----------
+    count : int
+        Number of samples.
     cost : callable
         Cost of a sample between its neighbours.
     adds : bool
         Whether the cost of a sample that was removed is added to those of its neighbours.
     """
     # Costs of all samples, in a heap. Entries that are no longer true are skipped.
-    samples = _samples(track)
-    count = len(samples)
     before, after = list(range(-1, count - 1)), list(range(1, count + 1))
     costs = [math.inf] * count
     for q in range(1, count - 1):
-        costs[q] = cost(samples[q - 1], samples[q], samples[q + 1])
+        costs[q] = cost(q - 1, q, q + 1)
     heap = [(costs[q], q) for q in range(1, count - 1)]
     heapq.heapify(heap)
 
@@ -134,7 +183,7 @@ def _eliminate(track: Track, cost: Cost, *, adds: bool) -> Floats:
             if adds:
                 added[side] = max(added[side], value)
             if 0 < side < count - 1:
-                own = cost(samples[before[side]], samples[side], samples[after[side]])
+                own = cost(before[side], side, after[side])
                 costs[side] = added[side] + own
                 heapq.heappush(heap, (costs[side], side))
     return found

@@ -1,4 +1,4 @@
-"""Bottom-up merging, and the line of least squares with knots at the boundaries."""
+"""The line of least squares with knots at the times of some samples."""
 
 from __future__ import annotations
 
@@ -7,37 +7,14 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from gpszip.experiments.peers.knots import Knots
-from gpszip.kernels.sums import track_sums
 from gpszip.model import Track
-from gpszip.segmentation.bottom_up import bottom_up
 
-__all__ = ["bottom_up_line", "fit_line"]
+__all__ = ["fit_line"]
 
 #: Weight of the sample at a knot, which decides where no other does.
 _RIDGE = 1e-3
 
 Ints = NDArray[np.int64]
-
-
-def bottom_up_line(track: Track, segments: int) -> Knots:
-    """Return a line of a number of segments, found by merging bottom up (Keogh et al., ICDM 2001).
-
-    Parameters
-    ----------
-    track : Track
-        n samples.
-    segments : int
-        Number of segments, at most n - 1.
-
-    Examples
-    --------
-    >>> track = Track("a", range(9), [[t, max(t - 4.0, 0.0)] for t in range(9)])
-    >>> bottom_up_line(track, 2).positions.round(1).tolist()
-    [[0.0, 0.0], [4.0, 0.0], [8.0, 4.0]]
-    """
-    boundaries = bottom_up(track_sums(track), segments)
-    kept = np.unique(np.append(boundaries[:-1], len(track) - 1))
-    return fit_line(track, kept)
 
 
 def fit_line(track: Track, kept: Ints) -> Knots:
@@ -52,6 +29,12 @@ def fit_line(track: Track, kept: Ints) -> Knots:
         n samples.
     kept : int64 array
         Samples at whose times the knots are, among them both ends.
+
+    Examples
+    --------
+    >>> track = Track("a", range(9), [[t, max(t - 4.0, 0.0)] for t in range(9)])
+    >>> fit_line(track, np.array([0, 4, 8])).positions.round(6).tolist()
+    [[0.0, 0.0], [4.0, 0.0], [8.0, 4.0]]
     """
     # Where each sample lies.
     knots = track.times[kept]

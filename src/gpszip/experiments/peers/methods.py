@@ -9,10 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.experiments.peers.by_halves import significances
-from gpszip.experiments.peers.by_removal import effective_areas, squish_priorities, sttrace
+from gpszip.experiments.peers.by_removal import (
+    effective_areas,
+    merge_costs,
+    squish_priorities,
+    sttrace,
+)
 from gpszip.experiments.peers.by_windows import dead_reckoning, opening_window
 from gpszip.experiments.peers.knots import Knots
-from gpszip.experiments.peers.least_squares import bottom_up_line
+from gpszip.experiments.peers.least_squares import fit_line
 from gpszip.experiments.peers.libraries import movingpandas_td_tr, shapely_simplify, vw_and_rdp
 from gpszip.model import Track
 
@@ -75,8 +80,11 @@ def _kept(track: Track, samples: Ints) -> Knots:
 
 
 def _bottom_up(tracks: Sequence[Track]) -> Simplify:
-    return lambda parameter: [
-        bottom_up_line(track, min(_share(track, parameter), len(track) - 1)) for track in tracks
+    """Keep what bottom-up merging keeps, and place these knots by least squares."""
+    ranks = [merge_costs(track) for track in tracks]
+    return lambda cost: [
+        fit_line(track, np.flatnonzero(each > cost))
+        for track, each in zip(tracks, ranks, strict=True)
     ]
 
 
@@ -97,7 +105,7 @@ SIMPLIFIERS = (
     Method("SQUISH-E", _ranked(squish_priorities)),
     Method("STTrace", _online(lambda track, each: sttrace(track, _share(track, each))), "samples"),
     Method("Visvalingam", _ranked(effective_areas), "m2"),
-    Method("bottom-up", _bottom_up, "samples"),
+    Method("bottom-up", _bottom_up, "m2"),
     Method("shapely", _online(shapely_simplify), package="shapely"),
     Method(
         "simplification, RDP", _online(vw_and_rdp("simplify_coords_idx")), package="simplification"

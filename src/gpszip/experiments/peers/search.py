@@ -24,11 +24,12 @@ from gpszip.model import Track
 
 __all__ = ["Criterion", "Encoded", "Search", "maximum", "root_mean_square"]
 
-#: Steps of positions that are tried, as shares of the error allowed.
-_SHARES = (0.25, 0.5, 1.0)
+#: Steps that are tried: of positions as shares of the error allowed, and of times as shares of the
+#: time in which the log moves by that error.
+_STEPS = ((0.25, 0.5), (0.5, 0.5), (1.0, 0.5), (0.5, 0.1), (0.5, 0.01))
 
-#: Step of times, as a share of the time in which the log moves by the error allowed.
-_TIME_SHARE = 0.5
+#: Steps of times that are tried where all samples are kept.
+_TIME_STEPS = (0.5, 0.1, 0.01)
 
 #: Ratio of two parameters, or of two steps, that are tried.
 _RATIO = 1.08
@@ -125,8 +126,8 @@ class Search:
         # The coarsest parameter on each grid.
         low, high = self._range(method, target)
         found = []
-        for share in _SHARES:
-            steps = self._steps(target, share * target)
+        for position, time in _STEPS:
+            steps = self._steps(time * target, position * target)
 
             def error_of(exponent: int, steps: Steps = steps) -> float:
                 return criterion(self._errors(self._lines(method, exponent), steps))
@@ -148,15 +149,26 @@ class Search:
     def on_samples(self, coder: str, target: float, criterion: Criterion) -> Encoded | None:
         """Return the file of all samples on the coarsest grid within the error."""
         lines = [Knots(track.times, track.positions) for track in self.tracks]
-
-        def error_of(exponent: int) -> float:
-            return criterion(self._errors(lines, self._steps(target, _RATIO**exponent)))
-
         low, high = _exponents(*(share * target for share in _GRIDS))
-        exponent = _last_within(error_of, low, high, target)
-        if exponent is None:
+        found = []
+        for time in _TIME_STEPS:
+
+            def steps_of(exponent: int, time: float = time) -> Steps:
+                return self._steps(time * target, _RATIO**exponent)
+
+            def error_of(exponent: int, steps_of: Callable[[int], Steps] = steps_of) -> float:
+                return criterion(self._errors(lines, steps_of(exponent)))
+
+            exponent = _last_within(error_of, low, high, target)
+            if exponent is not None:
+                steps = steps_of(exponent)
+                found.append((len(encode_file(lines, steps, coder)), steps))
+        if not found:
             return None
-        return self._measure(lambda: lines, self._steps(target, _RATIO**exponent), coder, None)
+
+        # The smallest one, made once more and measured.
+        _, steps = min(found, key=lambda each: each[0])
+        return self._measure(lambda: lines, steps, coder, None)
 
     def _measure(
         self, make: Callable[[], list[Knots]], steps: Steps, coder: str, parameter: float | None
@@ -197,9 +209,9 @@ class Search:
         scale = target**2 if method.unit == "m2" else target
         return _exponents(*(share * scale for share in shares))
 
-    def _steps(self, target: float, position: float) -> Steps:
-        """Return a grid: times on multiples of the log's period, as coarse as the speed allows."""
-        longest = _TIME_SHARE * target / self.speed
+    def _steps(self, distance: float, position: float) -> Steps:
+        """Return a grid: a step of time is a multiple of the log's period that moves so far."""
+        longest = distance / self.speed
         return Steps(max(1, int(longest / self.period)) * self.period, position)
 
 
