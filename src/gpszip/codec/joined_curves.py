@@ -22,8 +22,8 @@ _SLACK = 2e-3
 #: Share by which rounding values to another step may make a bound grow.
 _GROWTH = 1e-3
 
-#: Halvings of a step at most, before no grid is found.
-_MAX_HALVINGS = 64
+#: Refinements of a step at most, by half, before no grid is found.
+_MAX_REFINEMENTS = 64
 
 #: Relative error of floating-point rounding, generously.
 _ROUNDING = 1e-9
@@ -119,8 +119,8 @@ def _common_grid(columns: Sequence[CurveColumn]) -> _Grid:
     if not columns:
         return _Grid(1.0, 1.0, UNITS[0])
     loosest = max(columns, key=lambda column: column.bound)
-    for halvings in range(_MAX_HALVINGS):
-        step = loosest.step / 2**halvings
+    for refinements in range(_MAX_REFINEMENTS):
+        step = loosest.step / 2**refinements
         if step == 0:
             break
         bounds = [
