@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gpszip.archive import Archive
 from gpszip.archive.curves import curves_section
@@ -103,9 +102,11 @@ def _unnamed_heights(
     named = (*options.keep, *(name for name, _ in options.curves))
     if HEIGHT in named or log.plane is None or HEIGHT not in _names(log):
         return {}, ()
-    has_height = {
-        each.track for each in _slices(log, HEIGHT, shapes=True) if _has_number(each.values)
-    }
+    slices = list(_slices_with_numbers(log, HEIGHT))
+    has_height = {track for track, _ in slices}
+    # Such as Google Earth writes for lines on the ground.
+    if slices and not any(is_high for _, is_high in slices):
+        return {}, ("heights are not kept: all are 0",)
 
     # Heights of shapes have no time; those beside a size would leave too little for the walks.
     shapes = sum(not log.tracks[track].timed for track in has_height)
@@ -124,9 +125,13 @@ def _unnamed_heights(
         return {}, (*notes, f"heights are not kept: {error.reason}")
 
 
-def _has_number(values: NDArray[np.generic]) -> bool:
-    """Whether any of the values is a number."""
-    return values.dtype.kind in "iuf" and bool(np.isfinite(values.astype(np.float64)).any())
+def _slices_with_numbers(log: Log, name: str) -> Iterator[tuple[int, bool]]:
+    """Number of the track of each slice with numbers, and whether any is other than 0."""
+    for each in _slices(log, name, shapes=True):
+        if each.values.dtype.kind in "iuf":
+            numbers = each.values[np.isfinite(each.values)]
+            if len(numbers):
+                yield each.track, bool((numbers != 0).any())
 
 
 def extended_curves(
