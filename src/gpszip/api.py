@@ -303,8 +303,9 @@ def compress(
         Attributes to keep as curves over time, each within an error at every sample, such as
         ``{"ele": 1.0}``: see :meth:`Archive.curve`.
     heights : bool, default True
-        Keep the heights of GPX, KML, TCX and FIT files within 3 m, as the curve ``ele``, unless a
-        size is given or ``keep`` or ``keep_within`` names heights.
+        Keep the heights of GPX, KML, TCX and FIT files, and the attribute ``ele`` of tracks in
+        degrees, within 3 m as the curve ``ele``, unless a size is given or ``keep`` or
+        ``keep_within`` names heights.
     map : Archive, path or bytes, optional
         Store the tracks as walks on the map of this archive. The map is not stored again, and
         :func:`open` needs it, too. Lines off the map are in :attr:`Archive.off_map_lines`.

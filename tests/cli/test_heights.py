@@ -127,6 +127,10 @@ def test_heights_that_cannot_be_kept_stop_nothing(gpszip, tmp_path):
     assert done.code == 0, done.err
     assert "heights are not kept: column 'ele' has values up to 1e+300" in done.err
     assert not package.open("odd.gpsz").curve_sizes
+    (tmp_path / "zero.gpx").write_text(_gpx([0] * 60))
+    done = gpszip(f"compress zero.gpx -o zero.gpsz {COMPRESS}")
+    assert "heights are not kept: all are 0" in done.err
+    assert not package.open("zero.gpsz").curve_sizes
 
 
 def test_append_goes_on_as_the_archive_is(gpszip, hike):
