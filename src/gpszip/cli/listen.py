@@ -44,6 +44,18 @@ _DEFAULT_NAME = "log"
     help="Serve OwnTracks, Overland, Traccar Client, OsmAnd and GPSLogger; 8085 means "
     "127.0.0.1:8085.",
 )
+@click.option(
+    "--mqtt",
+    metavar="URL",
+    help="Subscribe to OwnTracks at a broker: mqtt://[USER:PASSWORD@]HOST[:PORT][/BASE], mqtts://.",
+)
+@click.option("--gpsd", metavar="HOST:PORT", help="Read the reports of gpsd; port 2947 by default.")
+@click.option(
+    "--nmea",
+    metavar="URL",
+    multiple=True,
+    help="Read NMEA: tcp://HOST:PORT, udp://:PORT, or a file, pipe or serial device; repeatable.",
+)
 @click.option("--stdin", is_flag=True, help="Read standard input; the default without a source.")
 @click.option(
     "--token",
@@ -128,7 +140,7 @@ def command(
         # Known fixes first, then sources: whoever connects is answered at once.
         recorder = Recorder(journal, notices)
         tell = _no_line if is_quiet else print_status
-        sources = _open_sources(choices, timezone, notices, recorder, tell)
+        sources = _open_sources(choices | {"folder": folder}, timezone, notices, recorder, tell)
         rolling = _rolling(folder, choices)
         asyncio.run(_listen(sources, journal, recorder, notices, rolling))
     finally:
@@ -217,6 +229,18 @@ def _open_sources(
         )
         tell(f"listening at http://{server.address}")
         sources.append(server)
+    if choices["mqtt"]:
+        from gpszip.live.sources.mqtt import MqttSource
+
+        sources.append(MqttSource(choices["mqtt"], choices["folder"], notices))
+    if choices["gpsd"]:
+        from gpszip.live.sources.gpsd import GpsdSource
+
+        sources.append(GpsdSource(*_address(choices["gpsd"], "--gpsd", 2947), name, notices))
+    for address in choices["nmea"]:
+        from gpszip.live.sources.nmea import open_nmea
+
+        sources.append(open_nmea(address, name, notices))
     if choices["stdin"] or not sources:
         from gpszip.io.tables.roles import parse_columns
         from gpszip.live.sources.stdin import StreamSource

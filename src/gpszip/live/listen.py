@@ -96,8 +96,8 @@ async def listen(
             beside.append(asyncio.create_task(rolling.run(journal, notices)))
 
         # Wait until all sources have ended, one has failed, or a signal comes.
+        everything = asyncio.ensure_future(asyncio.gather(*running))
         try:
-            everything = asyncio.ensure_future(asyncio.gather(*running))
             await asyncio.wait([everything, *beside], return_when=asyncio.FIRST_COMPLETED)
             failed = next(
                 (task.exception() for task in [*running, *beside] if _has_failed(task)), None
@@ -106,8 +106,9 @@ async def listen(
             for task in [*running, *beside]:
                 task.cancel()
             await asyncio.wait([*running, *beside], timeout=_END_SECONDS)
-            with contextlib.suppress(BaseException):
-                await everything
+            # Errors are raised below; asyncio would report again those that nobody asked for.
+            everything.cancel()
+            await asyncio.wait([everything], timeout=_END_SECONDS)
             await recorder.finish()
     if failed is not None:
         raise failed

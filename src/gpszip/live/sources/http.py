@@ -177,7 +177,8 @@ class HttpSource:
             challenge = {"WWW-Authenticate": 'Basic realm="gpszip"'}
             return PlainTextResponse("wrong token\n", 401, headers=challenge)
         try:
-            body = await asyncio.wait_for(_read_body(request), _BODY_SECONDS)
+            async with asyncio.timeout(_BODY_SECONDS):
+                body = await _read_body(request)
         except (TimeoutError, ClientDisconnect):
             self._notices.note("requests that were not sent to their end left out")
             return PlainTextResponse("the body takes too long\n", 408)

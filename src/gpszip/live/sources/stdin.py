@@ -12,9 +12,9 @@ from datetime import UTC, tzinfo
 from gpszip.live.formats.text import TextParser
 from gpszip.live.formats.values import Context
 from gpszip.live.source import Receiver
-from gpszip.live.sources.lines import store_lines
+from gpszip.live.sources.lines import IDLE_SECONDS, store_lines
 
-__all__ = ["StreamSource"]
+__all__ = ["StreamSource", "read_descriptor_lines"]
 
 #: Bytes of a line; longer ones are cut.
 _MAX_LINE_BYTES = 1 << 20
@@ -59,10 +59,10 @@ class StreamSource:
         def make_context(received: float) -> Context:
             return Context(received, "stdin", "", self._timezone)
 
-        await store_lines(_read_lines(self._descriptor), parser, receiver, make_context)
+        await store_lines(read_descriptor_lines(self._descriptor), parser, receiver, make_context)
 
 
-async def _read_lines(descriptor: int) -> AsyncIterator[list[bytes]]:
+async def read_descriptor_lines(descriptor: int) -> AsyncIterator[list[bytes]]:
     """Yield lines of a descriptor, and an empty list where none comes for a while."""
     # A thread of its own reads: files can't be waited for in the event loop, and a thread of the
     # pool would keep the program from ending.
@@ -85,7 +85,8 @@ async def _read_lines(descriptor: int) -> AsyncIterator[list[bytes]]:
     rest = b""
     while True:
         try:
-            chunk = await asyncio.wait_for(queue.get(), 0.2)
+            async with asyncio.timeout(IDLE_SECONDS):
+                chunk = await queue.get()
         except TimeoutError:
             yield []
             continue
