@@ -93,7 +93,7 @@ def test_beside_exact_columns(gpszip, ride, tmp_path):
 
 
 def test_info_verify_and_select(gpszip, archive, ride, tmp_path):
-    assert "within 1 at every point" in gpszip("info ride.gpsz").out
+    assert "within 1 m at every point" in gpszip("info ride.gpsz").out
     facts = gpszip("info ride.gpsz --json").json
     assert [(curve["name"], curve["bound"]) for curve in facts["curves"]] == [("ele", 1), ("hr", 2)]
     assert gpszip("verify ride.gpsz").code == 0

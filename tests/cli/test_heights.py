@@ -121,6 +121,20 @@ def test_shapes_and_sizes_have_none_and_say_so(gpszip, hike):
     assert package.open("small.gpsz").size <= 90
 
 
+def test_tracks_in_memory_keep_theirs():
+    plane = package.Plane(((520_000_000, 134_000_000),))
+    times = [float(i) for i in range(60)]
+    for positions, attributes, expected in (
+        ([[i, 0.0] for i in times], {"ele": times, "hr": times}, ["ele"]),
+        ([[i, 0.0] for i in times], {"ele": ["high"] * 60}, []),
+    ):
+        track = package.Track("a", times, positions, attributes=attributes, plane=plane)
+        archive = package.compress(track, max_error=1, effort=1)
+        assert list(archive.curve_sizes) == expected
+        track = package.Track("a", times, positions, attributes=attributes)
+        assert not package.compress(track, max_error=1, effort=1).curve_sizes
+
+
 def test_heights_that_cannot_be_kept_stop_nothing(gpszip, tmp_path):
     (tmp_path / "odd.gpx").write_text(_gpx([1e300 if i == 7 else i for i in range(60)]))
     done = gpszip(f"compress odd.gpx -o odd.gpsz {COMPRESS}")

@@ -29,7 +29,7 @@ def logs(draw):
     return parts
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=80)
 @given(logs())
 def test_the_bound_holds_at_the_samples_of_all_parts(parts):
     fitted = [fit_column([times], [values], bound) for times, values, bound in parts]

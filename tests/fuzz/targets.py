@@ -745,6 +745,8 @@ def _archives() -> Sequence[bytes]:
         two_walks(timed=False),
         compress(track, max_error=0.5),
         compress(track, max_error=0.5, keep=("speed", "note"), layer="bz2"),
+        compress(track, max_error=0.5, keep_within={"speed": 0.5}),
+        compress(track, max_error=0.5, keep_within={"speed": 0.3048}),
     ]
     files = [archive.to_bytes() for archive in archives]
     return [*files, _with_sections(files[0])]

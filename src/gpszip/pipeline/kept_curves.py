@@ -240,9 +240,9 @@ def _slices(log: Log, name: str, *, shapes: bool = False) -> Iterator[CurveSlice
     """The samples of all tracks with their values; without ``shapes``, only of those with times."""
     if isinstance(log, MemoryLog):
         for number, track in enumerate(log.tracks):
-            values = track.attributes.get(name)
-            if values is None or not (track.timed or shapes):
-                values = np.full(len(track), np.nan)
+            own = track.attributes.get(name)
+            has_values = own is not None and (track.timed or shapes)
+            values = np.asarray(own) if has_values else np.full(len(track), np.nan)
             yield CurveSlice(number, track.times, values)
         return
 
