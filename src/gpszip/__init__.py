@@ -49,6 +49,7 @@ if TYPE_CHECKING:
         UnknownTrackError,
         WorkerError,
     )
+    from gpszip.mapping.segment_map import SegmentMap, build_walk, make_map
     from gpszip.matching.live import FinalisedPosition, LivePosition, NextRoad
     from gpszip.model import (
         CleanMap,
@@ -68,6 +69,7 @@ if TYPE_CHECKING:
         Report,
         RoadMap,
         SegmentMean,
+        Sketch,
         Track,
         Walk,
     )
@@ -77,10 +79,21 @@ if TYPE_CHECKING:
     from gpszip.model.merge_report import Deviation, MergeReport
     from gpszip.model.read_result import Loss, OtherFiles
     from gpszip.pipeline.live import Matcher
+    from gpszip.pipeline.waypoints import expand_waypoints, find_waypoints
     from gpszip.run import Dask, Processes, Serial, Threads
     from gpszip.run.executor import Executor, SharedValue
+    from gpszip.segmentation.two_segment_mean import TwoSegmentMean, two_segment_mean
     from gpszip.sketches.coreset import Coreset, Cost
     from gpszip.sketches.pieces import PiecewiseLinear, polyline
+    from gpszip.sketches.sketch import (
+        best_line,
+        build_sketch,
+        delete_sample,
+        insert_sample,
+        line_cost,
+        line_costs,
+        merge_sketches,
+    )
     from gpszip.sketches.stream import CoresetStream
     from gpszip.view.plot import plot
     from gpszip.view.write import write_page
@@ -140,14 +153,17 @@ __all__ = [
     "RoadMap",
     "Route",
     "Scales",
+    "SegmentMap",
     "SegmentMean",
     "Serial",
     "SharedValue",
+    "Sketch",
     "Threads",
     "Track",
     "TrackDifference",
     "TrackError",
     "TrackView",
+    "TwoSegmentMean",
     "UnknownFormatError",
     "UnknownTrackError",
     "Walk",
@@ -155,15 +171,26 @@ __all__ = [
     "WorkerError",
     "__version__",
     "append",
+    "best_line",
+    "build_sketch",
+    "build_walk",
     "compress",
     "coreset",
     "decompress",
+    "delete_sample",
     "diff",
+    "expand_waypoints",
+    "find_waypoints",
+    "insert_sample",
     "join",
+    "line_cost",
+    "line_costs",
     "log_likelihood",
+    "make_map",
     "markov_model",
     "match",
     "merge",
+    "merge_sketches",
     "open",
     "open_coreset",
     "patch",
@@ -172,12 +199,35 @@ __all__ = [
     "read",
     "save_coreset",
     "segment_mean",
+    "two_segment_mean",
     "write_page",
 ]
 
 #: Module of each public name, which is imported when the name is first used: importing gpszip, and
 #: ``gpszip --help``, need none of them.
 _HOMES = {
+    "gpszip.mapping.segment_map": (
+        "SegmentMap",
+        "build_walk",
+        "make_map",
+    ),
+    "gpszip.pipeline.waypoints": (
+        "expand_waypoints",
+        "find_waypoints",
+    ),
+    "gpszip.segmentation.two_segment_mean": (
+        "TwoSegmentMean",
+        "two_segment_mean",
+    ),
+    "gpszip.sketches.sketch": (
+        "best_line",
+        "build_sketch",
+        "delete_sample",
+        "insert_sample",
+        "line_cost",
+        "line_costs",
+        "merge_sketches",
+    ),
     "gpszip.api": (
         "append",
         "compress",
@@ -240,6 +290,7 @@ _HOMES = {
         "Report",
         "RoadMap",
         "SegmentMean",
+        "Sketch",
         "Track",
         "Walk",
     ),
