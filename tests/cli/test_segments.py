@@ -165,6 +165,8 @@ def test_a_bound_that_k_cannot_hold_has_its_exit_code(log, gpszip):
         {"sigma": 0},
         {"sigma": None},
         {"planes": [[1]]},
+        {"planes": []},
+        {"planes": [[95.0, 0.0]]},
     ],
 )
 def test_damaged_models_are_refused(learned, gpszip, change):
