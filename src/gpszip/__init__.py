@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from gpszip.history.travel_time import TravelTime
     from gpszip.history.traversals import Traversals
     from gpszip.history.usage import Usage
+    from gpszip.mapping.segment_map import SegmentMap, build_walk, make_map
     from gpszip.matching.live import FinalisedPosition, LivePosition
     from gpszip.model import (
         CleanMap,
@@ -79,6 +80,7 @@ if TYPE_CHECKING:
         Report,
         RoadMap,
         SegmentMean,
+        Sketch,
         Track,
         Walk,
     )
@@ -90,10 +92,21 @@ if TYPE_CHECKING:
     from gpszip.model.read_result import Loss, OtherFiles
     from gpszip.model.trips import Place, Stay, Trip, Trips
     from gpszip.pipeline.live import Matcher
+    from gpszip.pipeline.waypoints import expand_waypoints, find_waypoints
     from gpszip.run import Dask, Processes, Serial, Threads
     from gpszip.run.executor import Executor, SharedValue
+    from gpszip.segmentation.two_segment_mean import TwoSegmentMean, two_segment_mean
     from gpszip.sketches.coreset import Coreset, Cost
     from gpszip.sketches.pieces import PiecewiseLinear, polyline
+    from gpszip.sketches.sketch import (
+        best_line,
+        build_sketch,
+        delete_sample,
+        insert_sample,
+        line_cost,
+        line_costs,
+        merge_sketches,
+    )
     from gpszip.sketches.stream import CoresetStream
     from gpszip.view.plot import plot
     from gpszip.view.write import write_page
@@ -163,9 +176,11 @@ __all__ = [
     "Route",
     "RouteLikelihood",
     "Scales",
+    "SegmentMap",
     "SegmentMean",
     "Serial",
     "SharedValue",
+    "Sketch",
     "Stay",
     "Threads",
     "Track",
@@ -176,6 +191,7 @@ __all__ = [
     "Traversals",
     "Trip",
     "Trips",
+    "TwoSegmentMean",
     "UnknownFormatError",
     "UnknownTrackError",
     "Usage",
@@ -184,15 +200,26 @@ __all__ = [
     "WorkerError",
     "__version__",
     "append",
+    "best_line",
+    "build_sketch",
+    "build_walk",
     "compress",
     "coreset",
     "decompress",
+    "delete_sample",
     "diff",
+    "expand_waypoints",
+    "find_waypoints",
+    "insert_sample",
     "join",
+    "line_cost",
+    "line_costs",
     "log_likelihood",
+    "make_map",
     "markov_model",
     "match",
     "merge",
+    "merge_sketches",
     "open",
     "open_coreset",
     "patch",
@@ -203,6 +230,7 @@ __all__ = [
     "save_coreset",
     "segment_mean",
     "trips",
+    "two_segment_mean",
     "usage",
     "write_page",
 ]
@@ -210,6 +238,28 @@ __all__ = [
 #: Module of each public name, which is imported when the name is first used: importing gpszip, and
 #: ``gpszip --help``, need none of them.
 _HOMES = {
+    "gpszip.mapping.segment_map": (
+        "SegmentMap",
+        "build_walk",
+        "make_map",
+    ),
+    "gpszip.pipeline.waypoints": (
+        "expand_waypoints",
+        "find_waypoints",
+    ),
+    "gpszip.segmentation.two_segment_mean": (
+        "TwoSegmentMean",
+        "two_segment_mean",
+    ),
+    "gpszip.sketches.sketch": (
+        "best_line",
+        "build_sketch",
+        "delete_sample",
+        "insert_sample",
+        "line_cost",
+        "line_costs",
+        "merge_sketches",
+    ),
     "gpszip.api": (
         "append",
         "compress",
@@ -285,6 +335,7 @@ _HOMES = {
         "Report",
         "RoadMap",
         "SegmentMean",
+        "Sketch",
         "Track",
         "Walk",
     ),

@@ -165,6 +165,8 @@ def test_a_bound_that_k_cannot_hold_has_its_exit_code(log, gpszip):
         {"sigma": 0},
         {"sigma": None},
         {"planes": [[1]]},
+        {"planes": []},
+        {"planes": [[95.0, 0.0]]},
     ],
 )
 def test_damaged_models_are_refused(learned, gpszip, change):
@@ -265,3 +267,20 @@ def test_a_long_log_is_learned_from_a_coreset(log, gpszip):
     assert done.json["rmse"] <= 1
     assert done.json["max_error"] <= 3
     assert done.json["least_cost"] <= done.json["cost_bounds"][0]
+
+
+def test_a_single_point_is_a_segment(gpszip):
+    Path("one.csv").write_text("t,x,y\n0,1,2\n")
+    for name in ("one.json", "one.geojson", "one.csv", "one.png"):
+        done = gpszip("segments one.csv --force -o", f"out-{name}")
+        assert done.code == 0, done.err
+    value = json.loads(Path("out-one.json").read_text())
+    assert value["segments"][0]["start"] == value["segments"][0]["end"] == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("given", ["--m 4", "--k 8", "--m 2..5 --k 8"])
+def test_what_is_left_out_is_searched(log, gpszip, given):
+    done = gpszip("segments walk.csv -o out.json --json", *given.split())
+    assert done.code == 0, done.err
+    numbers = {"k": done.json["k"], "m": done.json["m"]}
+    assert f"--k {numbers['k']}" in given or f"--m {numbers['m']}" in given

@@ -302,10 +302,13 @@ def _to_model(value: dict[str, Any]) -> MarkovModel:
     # The plane and the segments on it.
     plane = None
     if value["planes"] is not None:
+        centers = [(float(lat), float(lon)) for lat, lon in value["planes"]]
+        if not centers or not all(abs(lat) <= 90 and abs(lon) <= 180 for lat, lon in centers):
+            raise ValueError("a plane is not on the globe")
         plane = Plane(
             tuple(
                 (round(lat * UNITS_PER_DEGREE), round(lon * UNITS_PER_DEGREE))
-                for lat, lon in value["planes"]
+                for lat, lon in centers
             )
         )
     starts, ends = (_points(value["segments"], side, plane) for side in ("start", "end"))

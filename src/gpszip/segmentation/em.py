@@ -109,7 +109,9 @@ def segment_mean(
         Method of the initial labels.
     expectation : {'odd-even', 'linear', 'naive', 'exact'}, default 'odd-even'
         Form of the expectation step: of sections 6.3.3, 6.3.2 or 6.3.1, or the best partition of
-        the entire track, which is slower and reaches a lower cost.
+        the entire track for the present segments. That is slower, and each of its steps costs no
+        more than the odd-even one, but the cost at the end may be higher as well as lower: both
+        end at some local minimum.
     iterations : int, default 100
         Most iterations.
     tolerance : float, default 1e-12

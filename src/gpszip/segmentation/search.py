@@ -112,8 +112,10 @@ def find_parameters(
 
     # Cost at that k, which stands for m in the outer search.
     def best_costs(ms: list[int]) -> list[float]:
-        steps = [_elbow_steps(max(least_k, m), greatest_k) for m in ms]
-        best_ks.update(zip(ms, _run_together(steps, ms, search.costs), strict=True))
+        # A range of one number asks for it twice.
+        once = list(dict.fromkeys(ms))
+        steps = [_elbow_steps(max(least_k, m), greatest_k) for m in once]
+        best_ks.update(zip(once, _run_together(steps, once, search.costs), strict=True))
         return [search.tried[best_ks[m], m].cost for m in ms]
 
     # Workers get the track and the options once, for all pairs.
@@ -255,7 +257,7 @@ def _run_together(
     ms: list[int],
     costs_of: Callable[[list[tuple[int, int]]], list[float]],
 ) -> list[int]:
-    """Run searches for k, one for each m, so that all numbers that they ask for are solved at once.
+    """Run searches for k, one for each of different m: what they ask for is solved at once.
 
     Returns the k that each of them finds.
     """
