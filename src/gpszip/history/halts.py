@@ -119,12 +119,13 @@ def _merged(fixes: Fixes, one: Halt, other: Halt) -> Halt:
 def _leaves(fixes: Fixes, one: Halt, other: Halt, settings: Settings) -> bool:
     """Whether fixes between two halts lead away from the first, and not just to one spot.
 
-    Fixes of one spot may be an error that lasts, such as the place of another WiFi.
+    Single far fixes are errors; two in succession show someone on the way. Fixes of one spot may be
+    an error that lasts, such as the place of another WiFi.
     """
     rows = slice(one.last + 1, other.first)
     positions, noise = fixes.positions[rows], fixes.noise[rows]
     far = distances(positions, one.centre) - ERROR_FACTOR * noise > settings.radius
-    if far.sum() < _MIN_ROUTE_FIXES:
+    if not (far[1:] & far[:-1]).any():
         return False
     outside, noise = positions[far], noise[far]
     spot = np.median(outside, axis=0)
@@ -198,8 +199,9 @@ def _find_turn(fixes: Fixes, one: Halt, other: Halt, settings: Settings) -> Halt
     if rows.stop - rows.start < _MIN_ROUTE_FIXES:
         return None
     away = distances(fixes.positions[rows], one.centre)
-    far_end = fixes.positions[one.last + 1 + int(away.argmax())]
-    if not turns_back(one.centre, far_end, other.centre, settings):
+    row = one.last + 1 + int(away.argmax())
+    noise = float(fixes.noise[row])
+    if not turns_back(one.centre, fixes.positions[row], other.centre, noise, settings):
         return None
 
     # Short halts there, of which the longest counts.
@@ -209,7 +211,7 @@ def _find_turn(fixes: Fixes, one: Halt, other: Halt, settings: Settings) -> Halt
         halt
         for halt in find_halts(way, TURN_TIME, radius)
         if distance(halt.centre, one.centre) >= _FAR_SHARE * float(away.max())
-        and turns_back(one.centre, halt.centre, other.centre, settings)
+        and turns_back(one.centre, halt.centre, other.centre, halt.noise, settings)
     ]
     if not turns:
         return None
@@ -217,9 +219,12 @@ def _find_turn(fixes: Fixes, one: Halt, other: Halt, settings: Settings) -> Halt
     return replace(longest, first=longest.first + rows.start, last=longest.last + rows.start)
 
 
-def turns_back(one: Floats, turn: Floats, other: Floats, settings: Settings) -> bool:
-    """Whether a way from one position to another leads far, to where it turns, and back."""
-    is_far = distance(one, turn) >= _MIN_TURN_WAY * settings.radius
+def turns_back(one: Floats, turn: Floats, other: Floats, noise: float, settings: Settings) -> bool:
+    """Whether a way from one position to another leads far, to where it turns, and back.
+
+    ``noise`` is the error of the turn in metres.
+    """
+    is_far = distance(one, turn) >= _MIN_TURN_WAY * settings.radius + ERROR_FACTOR * noise
     return is_far and directness(one, turn, other) < _TURNED_BACK
 
 

@@ -57,9 +57,11 @@ def _find_trip(
     rows = slice(first.last + 1, last.first)
     positions, noise = fixes.positions[rows], fixes.noise[rows]
     from_first, from_last = (distances(positions, halt.centre) for halt in (first, last))
-    on_the_way = (from_first > first.reach) & (from_last > last.reach)
-    farthest = float((from_first - ERROR_FACTOR * noise).max(initial=0.0))
-    way = distance(first.centre, last.centre) - first.noise - last.noise
+    least = ERROR_FACTOR * noise
+    on_the_way = from_first > np.maximum(first.reach, least)
+    on_the_way &= from_last > np.maximum(last.reach, least)
+    farthest = float((from_first - least).max(initial=0.0))
+    way = distance(first.centre, last.centre) - ERROR_FACTOR * (first.noise + last.noise)
     if max(farthest, way) <= settings.radius:
         return None
     trip = (start, end, first.centre, last.centre)

@@ -58,15 +58,15 @@ def estimate_stops(
 
     # Those that are long enough, or where the way turns back.
     centres = [fixes.positions[0], *(halt.centre for halt in halts), fixes.positions[-1]]
-    return [
-        Stop(begin, end, float(fixes.times[halt.first]), float(fixes.times[halt.last]), halt)
-        for i, (begin, end, halt) in enumerate(zip(begins, ends, halts, strict=True))
-        if end - begin >= settings.min_stay
-        or (
-            end - begin >= TURN_TIME
-            and turns_back(centres[i], centres[i + 1], centres[i + 2], settings)
+    stops = []
+    for i, (begin, end, halt) in enumerate(zip(begins, ends, halts, strict=True)):
+        is_turn = end - begin >= TURN_TIME and turns_back(
+            centres[i], halt.centre, centres[i + 2], halt.noise, settings
         )
-    ]
+        if is_turn or end - begin >= settings.min_stay:
+            first_seen, last_seen = fixes.times[[halt.first, halt.last]].tolist()
+            stops.append(Stop(begin, end, first_seen, last_seen, halt))
+    return stops
 
 
 def _next_step(fixes: Fixes, halt: Halt, settings: Settings) -> float:
