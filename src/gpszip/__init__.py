@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         read,
         save_coreset,
         segment_mean,
+        unusual,
         usage,
     )
     from gpszip.archive import Archive, TrackView
@@ -80,6 +81,7 @@ if TYPE_CHECKING:
     from gpszip.model.merge_report import Deviation, MergeReport
     from gpszip.model.prediction import Arrival, LikelyNode, LikelyRoute, NextRoad
     from gpszip.model.read_result import Loss, OtherFiles
+    from gpszip.model.unusual import Anomaly, Unusual, UnusualTrip
     from gpszip.pipeline.live import Matcher
     from gpszip.run import Dask, Processes, Serial, Threads
     from gpszip.run.executor import Executor, SharedValue
@@ -93,6 +95,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AgentSpeed",
+    "Anomaly",
     "Archive",
     "Arrival",
     "BoundError",
@@ -161,6 +164,8 @@ __all__ = [
     "Traversals",
     "UnknownFormatError",
     "UnknownTrackError",
+    "Unusual",
+    "UnusualTrip",
     "Usage",
     "Walk",
     "Waypoints",
@@ -182,6 +187,7 @@ __all__ = [
     "read",
     "save_coreset",
     "segment_mean",
+    "unusual",
     "usage",
     "write_page",
 ]
@@ -204,6 +210,7 @@ _HOMES = {
         "read",
         "save_coreset",
         "segment_mean",
+        "unusual",
         "usage",
     ),
     "gpszip.archive": (
@@ -285,6 +292,11 @@ _HOMES = {
         "NextRoad",
     ),
     "gpszip.model.read_result": ("Loss", "OtherFiles"),
+    "gpszip.model.unusual": (
+        "Anomaly",
+        "Unusual",
+        "UnusualTrip",
+    ),
     "gpszip.pipeline.live": ("Matcher",),
     "gpszip.run": (
         "Dask",

@@ -55,6 +55,8 @@ _COMMANDS = (
     "match",
     "patch",
     "usage",
+    "predict",
+    "unusual",
     "merge",
     "view",
     "info",
