@@ -4,7 +4,7 @@ The score of a trip adds up bits, each a factor of two in probability:
 
 - its route: the part of it whose turns and whose way are the most surprising
   (:mod:`gpszip.history.route_surprise`);
-- travel off the map: 10 bits, and one more for each 100 m;
+- travel off the map: 14 bits, and one more for each 100 m;
 - its slowest or fastest minute, and its most unusual stop, as far as they exceed what one of
   thousands shows, and 4 bits each at most: paces and stops vary for many reasons.
 """
@@ -33,7 +33,7 @@ from gpszip.model.unusual import Anomaly, Unusual, UnusualTrip
 __all__ = ["Usual", "find_unusual"]
 
 #: Bits of leaving the map, and metres off it for a bit more.
-_OFF_MAP_BITS, _OFF_MAP_METRES = 10.0, 100.0
+_OFF_MAP_BITS, _OFF_MAP_METRES = 14.0, 100.0
 
 #: Most bits of travel off the map.
 _MAX_OFF_MAP = 60.0
