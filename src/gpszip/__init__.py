@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         open_coreset,
         patch,
         read,
+        route,
         save_coreset,
         segment_mean,
         unusual,
@@ -53,6 +54,8 @@ if TYPE_CHECKING:
     from gpszip.history.calendar import Calendar
     from gpszip.history.markov import Likelihood, MarkovModel
     from gpszip.history.predictor import Predictor
+    from gpszip.history.routes import PlannedRoute
+    from gpszip.history.travel_time import Arrival
     from gpszip.history.traversals import Traversals
     from gpszip.history.usage import Usage
     from gpszip.matching.live import FinalisedPosition, LivePosition
@@ -79,7 +82,7 @@ if TYPE_CHECKING:
     from gpszip.model.error_bound import ErrorBound
     from gpszip.model.match import Break, Match, Matching, Piece, Route, Scales
     from gpszip.model.merge_report import Deviation, MergeReport
-    from gpszip.model.prediction import Arrival, LikelyNode, LikelyRoute, NextRoad
+    from gpszip.model.prediction import LikelyNode, LikelyRoute, NextRoad, TripArrival
     from gpszip.model.read_result import Loss, OtherFiles
     from gpszip.model.unusual import Anomaly, Unusual, UnusualTrip
     from gpszip.pipeline.live import Matcher
@@ -143,6 +146,7 @@ __all__ = [
     "Piece",
     "PiecewiseLinear",
     "Plane",
+    "PlannedRoute",
     "Predictor",
     "Processes",
     "Progress",
@@ -162,6 +166,7 @@ __all__ = [
     "TrackError",
     "TrackView",
     "Traversals",
+    "TripArrival",
     "UnknownFormatError",
     "UnknownTrackError",
     "Unusual",
@@ -185,6 +190,7 @@ __all__ = [
     "plot",
     "polyline",
     "read",
+    "route",
     "save_coreset",
     "segment_mean",
     "unusual",
@@ -208,6 +214,7 @@ _HOMES = {
         "open_coreset",
         "patch",
         "read",
+        "route",
         "save_coreset",
         "segment_mean",
         "unusual",
@@ -241,6 +248,8 @@ _HOMES = {
         "MarkovModel",
     ),
     "gpszip.history.predictor": ("Predictor",),
+    "gpszip.history.routes": ("PlannedRoute",),
+    "gpszip.history.travel_time": ("Arrival",),
     "gpszip.history.traversals": ("Traversals",),
     "gpszip.history.usage": ("Usage",),
     "gpszip.matching.live": (
@@ -286,10 +295,10 @@ _HOMES = {
         "MergeReport",
     ),
     "gpszip.model.prediction": (
-        "Arrival",
         "LikelyNode",
         "LikelyRoute",
         "NextRoad",
+        "TripArrival",
     ),
     "gpszip.model.read_result": ("Loss", "OtherFiles"),
     "gpszip.model.unusual": (

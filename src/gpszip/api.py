@@ -28,6 +28,7 @@ from gpszip.run.executor import Executor
 
 if TYPE_CHECKING:
     from gpszip.container.contents import Section
+    from gpszip.history.routes import PlannedRoute
     from gpszip.history.usage import Usage
     from gpszip.io.frames.source import FrameSource
     from gpszip.model.difference import Difference
@@ -52,6 +53,7 @@ __all__ = [
     "open_coreset",
     "patch",
     "read",
+    "route",
     "save_coreset",
     "segment_mean",
     "unusual",
@@ -692,6 +694,67 @@ def usage(
     from gpszip.pipeline.usage import usage as usage_of_archive
 
     return usage_of_archive(_history_of(source), by=by, timezone=timezone)
+
+
+def route(
+    source: Archive | Logs,
+    *places: Sequence[float],
+    by: str = "time",
+    depart: str | Times | None = None,
+    alternatives: int = 0,
+    timezone: str | None = None,
+) -> tuple[PlannedRoute, ...]:
+    """Plan a route over the map of an archive, in directions that were travelled.
+
+    Parameters
+    ----------
+    source : Archive, path, Track, or sequence of Track or path
+        As for :func:`usage`.
+    *places : sequence of float
+        Where the route begins, passes and ends, as latitude and longitude, or x and y.
+    by : str, default "time"
+        What the route minimises: ``time``, ``length``, or ``traversals``: metres divided by the
+        traversals of their edge, for the most travelled route.
+    depart : str or time, optional
+        Departure: a time of day such as ``08:00`` on the last day of the log, or a time as for
+        :meth:`Archive.position`. By default means over the day count.
+    alternatives : int, default 0
+        Alternatives to look for, if there are two places.
+    timezone : str, optional
+        As for :func:`usage`.
+
+    Returns
+    -------
+    tuple of PlannedRoute
+        The best one first. With times in the log, each has its seconds and a band of 80 %.
+
+    Raises
+    ------
+    InputError, CorruptArchiveError
+        If a file can't be read, or nothing moves in it.
+    OptionError
+        If a place is far from the map, no route leads there, or times are needed and missing.
+
+    Examples
+    --------
+    >>> from gpszip.testing import ring
+    >>> archive = compress(ring(4, laps=6).tracks, max_error=5)
+    >>> corners = archive.clean_map().points[[0, -1]]
+    >>> planned = route(archive, *corners)[0]
+    >>> planned.length > 0, planned.arrival.low <= planned.arrival.high
+    (True, True)
+    """
+    from gpszip.pipeline.route import plan_route
+
+    plan = plan_route(
+        _history_of(source),
+        places,
+        by=by,
+        depart=depart,
+        alternatives=alternatives,
+        timezone=timezone,
+    )
+    return plan.routes
 
 
 def unusual(log: Logs, archive: Archive | str | os.PathLike[str]) -> Unusual:

@@ -65,6 +65,7 @@ COMMANDS = [
     "diff walk.gpsz walk.csv",
     "diff walk.gpsz two.gpsz",
     "usage walk.gpsz --by none",
+    "route walk.gpsz 1,1 20,1 -o out.geojson",
     "usage walk.csv --likelihood walk.csv --by hour -o out.csv",
     "predict walk.gpsz",
     "predict walk.gpsz walk.csv -o out.csv --edges 2",

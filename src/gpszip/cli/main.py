@@ -55,6 +55,7 @@ _COMMANDS = (
     "match",
     "patch",
     "usage",
+    "route",
     "predict",
     "unusual",
     "merge",

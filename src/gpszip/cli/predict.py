@@ -19,7 +19,7 @@ from gpszip.cli.units import format_count, format_length
 
 if TYPE_CHECKING:
     from gpszip.model import ReadResult
-    from gpszip.model.prediction import Arrival, Destination, Outlook
+    from gpszip.model.prediction import Destination, Outlook, TripArrival
 
 __all__ = ["command"]
 
@@ -163,7 +163,7 @@ def _destination_facts(goal: Destination) -> dict[str, Any]:
     }
 
 
-def _arrival_facts(arrival: Arrival) -> dict[str, Any]:
+def _arrival_facts(arrival: TripArrival) -> dict[str, Any]:
     return {
         "seconds": arrival.seconds,
         "low": arrival.low,

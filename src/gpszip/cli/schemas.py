@@ -367,6 +367,30 @@ _USAGE: Fields = {
     "transitions_output": "string|null: the table of transitions",
 }
 
+#: What gpszip route says.
+_PLAN: Fields = {
+    "by": "string: what the routes minimise",
+    "depart": "number|null: departure in seconds, in the log's zero",
+    "timezone": _USAGE["timezone"],
+    "timezone_from": _USAGE["timezone_from"],
+    "routes": _list(
+        _object(
+            {
+                "length": "number: metres",
+                "seconds": "number|null: expected seconds; null without times in the log",
+                "seconds_low": "number|null: 10 % of drives take less",
+                "seconds_high": "number|null: 10 % of drives take more",
+                "traversals": "integer: traversals of its least travelled edge",
+                "edges": _list("integer: an edge", "edges of the clean map"),
+                "forward": _list("boolean: from its start to its end", "directions"),
+            }
+        ),
+        "the best one first",
+    ),
+    "output": "string|null: the routes",
+    "read": _USAGE["read"],
+}
+
 #: What gpszip diff says of one track.
 _TRACK_DIFFERENCE: Fields = {
     "id": "string: the track",
@@ -571,6 +595,7 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "select": (_PARTS, {}),
     "split": (_PARTS, {}),
     "usage": (_USAGE, {}),
+    "route": (_PLAN, {}),
     "predict": (_PREDICT, {}),
     "unusual": (_UNUSUAL, {}),
     "diff": (

@@ -12,7 +12,7 @@ from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.histories import history_options, open_history, outcome_of, timezone_option
 from gpszip.cli.options import Settings, common_options, force
 from gpszip.cli.outcome import Outcome
-from gpszip.cli.units import format_count, format_length
+from gpszip.cli.units import format_count
 
 if TYPE_CHECKING:
     from gpszip.history.markov import Likelihood
@@ -221,7 +221,7 @@ def _describe(found: Usage, likelihood: Likelihood | None) -> list[str]:
     rows = found.traversals
     lines = [
         f"{format_count(len(rows), 'traversal')} of {format_count(len(found.network), 'edge')} by "
-        f"{format_count(len(rows.ids), 'track')}, {format_length(float(rows.metres.sum()))}; "
+        f"{format_count(len(rows.ids), 'track')}, {rows.metres.sum():,.0f} m; "
         f"{found.repeated:.0%} on edges travelled before, {found.repeated_by_track:.0%} by the "
         "same track",
     ]
@@ -261,7 +261,7 @@ def _describe_edge(found: Usage, edge: int, count: int) -> str:
     rows = found.traversals
     mine = rows.edge == edge
     forward = int((mine & rows.forward).sum())
-    text = f"edge {edge}, {format_length(float(found.network.lengths[edge]))}: "
+    text = f"edge {edge}, {found.network.lengths[edge]:,.0f} m: "
     text += f"{format_count(count, 'traversal')}, {forward:,} forward"
     speeds = traversal_speeds(rows)[mine]
     if np.isfinite(speeds).any():

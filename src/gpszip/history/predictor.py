@@ -16,14 +16,14 @@ from gpszip.errors import OptionError
 from gpszip.history.destinations import DestinationModel, TripEnds, learn_destinations
 from gpszip.history.exits import list_exits
 from gpszip.history.pace_so_far import band_factor
-from gpszip.history.routes import read_route, tell_route
+from gpszip.history.read_route import read_route, tell_route
 from gpszip.history.sequence_model import Passes, SequenceModel, train
 from gpszip.history.travel_time import TravelTimes, learn_travel_times
 from gpszip.history.traversals import History, read_history
 from gpszip.history.trips import cut_trips, nearest_ends
 from gpszip.history.ways import fastest_way, likeliest_way
 from gpszip.model.match import Route
-from gpszip.model.prediction import Arrival, LikelyNode, LikelyRoute, NextRoad
+from gpszip.model.prediction import LikelyNode, LikelyRoute, NextRoad, TripArrival
 from gpszip.model.timestamps import counts_from_1970
 
 __all__ = ["Predictor", "hours_of_day"]
@@ -249,7 +249,7 @@ class Predictor:
         *,
         times: Sequence[float] | None = None,
         metres_left: float = 0.0,
-    ) -> Arrival:
+    ) -> TripArrival:
         """When the agent arrives, counted from now.
 
         Expected are the mean seconds of each edge in its direction at its hour, with standing at
@@ -273,7 +273,7 @@ class Predictor:
 
         Returns
         -------
-        Arrival
+        TripArrival
             With the way.
 
         Raises
@@ -306,11 +306,11 @@ class Predictor:
         metres[0] = max(metres_left, 0.0)
         length = float(metres.sum())
         if not length:
-            return Arrival(0.0, 0.0, 0.0, 0.0, ())
+            return TripArrival(0.0, 0.0, 0.0, 0.0, ())
         told = self._times.arrival(edges, forward, time, metres=metres, pace=pace)
         low = told.seconds * (told.low / told.seconds) ** factor
         high = told.seconds * (told.high / told.seconds) ** factor
-        return Arrival(told.seconds, low, high, length, tell_route(way))
+        return TripArrival(told.seconds, low, high, length, tell_route(way))
 
     def learn(
         self,

@@ -23,8 +23,8 @@ from gpszip.history.absences import find_absences
 from gpszip.history.log_trips import LogTrip, list_trips
 from gpszip.history.pass_index import index_passes
 from gpszip.history.predictor import Predictor, hours_of_day
+from gpszip.history.read_route import tell_route
 from gpszip.history.route_surprise import Part, direction_bits, surprising_parts, turn_bits
-from gpszip.history.routes import tell_route
 from gpszip.history.traversals import History, Traversals
 from gpszip.history.usual import learn_paces, learn_stops, pace_groups
 from gpszip.model import Plane, Track

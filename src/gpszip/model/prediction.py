@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-__all__ = ["Arrival", "Destination", "LikelyNode", "LikelyRoute", "NextRoad", "Outlook"]
+__all__ = ["Destination", "LikelyNode", "LikelyRoute", "NextRoad", "Outlook", "TripArrival"]
 
 
 class NextRoad(NamedTuple):
@@ -57,7 +57,7 @@ class LikelyNode(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Arrival:
+class TripArrival:
     """When an agent arrives.
 
     Parameters
@@ -91,14 +91,14 @@ class Destination:
         Share of the trips like this one that ended there.
     position : tuple of float
         Latitude and longitude, or x and y in metres.
-    arrival : Arrival or None
+    arrival : TripArrival or None
         When the agent arrives; None if no way leads there, or the archive has no times.
     """
 
     node: int
     probability: float
     position: tuple[float, ...]
-    arrival: Arrival | None
+    arrival: TripArrival | None
 
 
 @dataclass(frozen=True)

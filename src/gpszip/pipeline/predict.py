@@ -10,7 +10,7 @@ from gpszip.archive import Archive
 from gpszip.errors import OptionError
 from gpszip.geo.planes import to_geographic
 from gpszip.history.predictor import Predictor
-from gpszip.history.routes import tell_route
+from gpszip.history.read_route import tell_route
 from gpszip.history.traversals import Traversals, match_traversals, read_history
 from gpszip.history.trips import cut_trips
 from gpszip.model import Network, Track
