@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         save_coreset,
         segment_mean,
         trips,
+        unusual,
         usage,
     )
     from gpszip.archive import Archive, TrackView
@@ -88,9 +89,10 @@ if TYPE_CHECKING:
     from gpszip.model.error_bound import ErrorBound
     from gpszip.model.match import Break, Match, Matching, Piece, Route, Scales
     from gpszip.model.merge_report import Deviation, MergeReport
-    from gpszip.model.prediction import Arrival, LikelyNode, LikelyRoute, NextRoad
+    from gpszip.model.prediction import LikelyNode, LikelyRoute, NextRoad, TripArrival
     from gpszip.model.read_result import Loss, OtherFiles
     from gpszip.model.trips import Place, Stay, Trip, Trips
+    from gpszip.model.unusual import Anomaly, Unusual, UnusualTrip
     from gpszip.pipeline.live import Matcher
     from gpszip.pipeline.waypoints import expand_waypoints, find_waypoints
     from gpszip.run import Dask, Processes, Serial, Threads
@@ -115,8 +117,8 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AgentSpeed",
+    "Anomaly",
     "Archive",
-    "Arrival",
     "BoundError",
     "Break",
     "Calendar",
@@ -190,10 +192,13 @@ __all__ = [
     "TravelTime",
     "Traversals",
     "Trip",
+    "TripArrival",
     "Trips",
     "TwoSegmentMean",
     "UnknownFormatError",
     "UnknownTrackError",
+    "Unusual",
+    "UnusualTrip",
     "Usage",
     "Walk",
     "Waypoints",
@@ -231,6 +236,7 @@ __all__ = [
     "segment_mean",
     "trips",
     "two_segment_mean",
+    "unusual",
     "usage",
     "write_page",
 ]
@@ -279,6 +285,7 @@ _HOMES = {
         "save_coreset",
         "segment_mean",
         "trips",
+        "unusual",
         "usage",
     ),
     "gpszip.archive": (
@@ -359,10 +366,10 @@ _HOMES = {
         "MergeReport",
     ),
     "gpszip.model.prediction": (
-        "Arrival",
         "LikelyNode",
         "LikelyRoute",
         "NextRoad",
+        "TripArrival",
     ),
     "gpszip.model.read_result": ("Loss", "OtherFiles"),
     "gpszip.model.trips": (
@@ -370,6 +377,11 @@ _HOMES = {
         "Stay",
         "Trip",
         "Trips",
+    ),
+    "gpszip.model.unusual": (
+        "Anomaly",
+        "Unusual",
+        "UnusualTrip",
     ),
     "gpszip.pipeline.live": ("Matcher",),
     "gpszip.run": (

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from gpszip.model.match import Matching
     from gpszip.model.patching import Patching
     from gpszip.model.trips import Trips
+    from gpszip.model.unusual import Unusual
     from gpszip.pipeline.diff import Side
     from gpszip.sketches.coreset import Coreset
     from gpszip.sketches.stream import CoresetStream
@@ -71,6 +72,7 @@ __all__ = [
     "save_coreset",
     "segment_mean",
     "trips",
+    "unusual",
     "usage",
 ]
 
@@ -860,6 +862,48 @@ def route(
         timezone=timezone,
     )
     return plan.routes
+
+
+def unusual(log: Logs, archive: Archive | str | os.PathLike[str]) -> Unusual:
+    """Score how unusual the trips of a log are, given an archive of earlier trips there.
+
+    Scores are bits: each doubles the surprise. They add up what the strangest part of the trip's
+    route takes (rare turns, another way than usual, wrong directions), travel off the map, and
+    paces and stops that one of thousands has. A trip ends with a gap or a stop of five minutes or
+    more.
+
+    Parameters
+    ----------
+    log : Track or path, or sequence of either
+        Tracks with times. Agents are known by their names: those of tracks of the archive.
+    archive : Archive or path
+        What is usual.
+
+    Returns
+    -------
+    Unusual
+        Each trip with its score, reason and unusual parts, and hours at which agents always travel
+        and did not.
+
+    Raises
+    ------
+    InputError, CorruptArchiveError
+        If a file can't be read, the log is elsewhere, or a track has no times.
+
+    Examples
+    --------
+    >>> from gpszip.testing import ring
+    >>> laps = ring(6, laps=9).tracks
+    >>> (trip,) = unusual(laps, compress(laps, max_error=5)).trips
+    >>> trip.score < 10, trip.reason
+    (True, 'nothing unusual')
+    """
+    from gpszip.pipeline.unusual import unusual as unusual_in_archive
+
+    tracks = _read_if_paths(log)
+    tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
+    opened = archive if isinstance(archive, Archive) else open_archive(archive)
+    return unusual_in_archive(tracks, opened)
 
 
 def _archive_of(source: Archive | Logs) -> Archive:

@@ -250,7 +250,7 @@ def test_wrong_direction_slow_travel_stops_and_new_roads_have_their_reasons(usua
         part.kind for part in normal.anomalies
     }
     assert (off.reason, off.anomalies[0].kind) == ("off the map for 1,710 m", "off the map")
-    assert off.score == pytest.approx(10 + 17.1)
+    assert off.score == pytest.approx(14 + 17.1)
 
 
 def test_paces_are_those_of_the_roads(usual, buses, known):

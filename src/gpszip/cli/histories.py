@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gpszip.archive import Archive
     from gpszip.model import ReadResult
 
-__all__ = ["history_options", "open_history", "outcome_of", "timezone_option"]
+__all__ = ["history_options", "log_options", "open_history", "outcome_of", "timezone_option"]
 
 #: Bytes by which an archive is known.
 _HEAD_BYTES = 8
@@ -48,8 +48,12 @@ def timezone_option(command: F) -> F:
 
 def history_options(command: F) -> F:
     """Add the options of reading an archive, or logs that are compressed on the way."""
+    return map_option(log_options(command))
+
+
+def log_options(command: F) -> F:
+    """Add the options of reading logs."""
     decorators: Sequence[Callable[[F], F]] = (
-        map_option,
         click.option("--clean", is_flag=True, help="Drop outliers of logs, as compress does."),
         time_order_options,
         skip_bad_logs,

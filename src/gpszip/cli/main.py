@@ -58,6 +58,8 @@ _COMMANDS = (
     "trips",
     "usage",
     "route",
+    "predict",
+    "unusual",
     "merge",
     "view",
     "listen",

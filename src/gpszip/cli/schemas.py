@@ -208,6 +208,115 @@ _DISTANCES: Fields = {
     "compared": "integer: times that were compared",
 }
 
+#: Edges of a route.
+_ROUTE = _list(
+    _object(
+        {
+            "edge": "integer: edge of the map",
+            "forward": "boolean: whether it is travelled from its start to its end",
+        }
+    ),
+    "edges of the map and directions of travel, in order",
+)
+
+#: Something unusual, for gpszip unusual.
+_ANOMALY: Fields = {
+    "track_id": "string: name of the track",
+    "kind": {
+        "enum": ["route", "wrong direction", "off the map", "slow", "fast", "stop", "absence"],
+        "description": "what is unusual",
+    },
+    "t_start": "number: seconds at which it begins",
+    "t_end": "number: seconds at which it ends",
+    "score": "number: bits; each doubles the surprise",
+    "reason": "string: what is unusual, for people",
+    "position": _list("number", "latitude and longitude, or x and y; empty for an absence"),
+    "edges": _ROUTE,
+}
+
+#: What gpszip unusual says.
+_UNUSUAL: Fields = {
+    "trips": _list(
+        _object(
+            {
+                "track_id": "string: name of the track",
+                "t_start": "number: seconds at which it begins",
+                "t_end": "number: seconds at which it ends",
+                "score": "number: bits; each doubles the surprise",
+                "reason": "string: what is the most unusual of it",
+                "parts": _list(_object(_ANOMALY), "its unusual parts, the most unusual first"),
+            }
+        ),
+        "trips, the most unusual first",
+    ),
+    "absences": _list(_object(_ANOMALY), "hours at which agents always travel, and did not"),
+    "alarm": "number: bits from which a trip counts as unusual",
+    "alarms": "integer: trips with so many bits or more",
+    "alarms_per_agent_and_day": "number|null: these for each agent and day with a trip",
+    "delay": "number|null: median seconds from the begin of what is unusual to its end",
+    "read": _object(_READ, "what reading the log lost and repaired"),
+    "output": "string|null: the table",
+}
+
+#: What gpszip predict says.
+_PREDICT: Fields = {
+    "tracks": _list(
+        _object(
+            {
+                "track_id": "string: name of the track",
+                "t": "number|null: seconds of its last position",
+                "edge": "integer|null: edge of the map that it travels; null off the map",
+                "forward": "boolean|null: whether it travels it from its start to its end",
+                "next": _list(
+                    _object(
+                        {
+                            "edge": "integer: edge of the map",
+                            "forward": "boolean: direction of travel",
+                            "probability": "number: from 0 to 1",
+                        }
+                    ),
+                    "edges that may follow, the likeliest first",
+                ),
+                "routes": _list(
+                    _object({"edges": _ROUTE, "probability": "number: from 0 to 1"}),
+                    "likeliest routes over the next edges",
+                ),
+                "destinations": _list(
+                    _object(
+                        {
+                            "node": "integer: node of the map",
+                            "probability": "number: from 0 to 1",
+                            "position": _list("number", "latitude and longitude, or x and y"),
+                            "arrival": {
+                                "anyOf": [
+                                    _object(
+                                        {
+                                            "seconds": "number: seconds from the last position",
+                                            "low": "number: a tenth arrives earlier",
+                                            "high": "number: a tenth arrives later",
+                                            "metres": "number: length of the way",
+                                            "route": _ROUTE,
+                                        }
+                                    ),
+                                    {"type": "null"},
+                                ],
+                                "description": "null if no way leads there, or without times",
+                            },
+                        }
+                    ),
+                    "where the trip may end, the likeliest first",
+                ),
+            }
+        ),
+        "tracks of the log, or of the archive",
+    ),
+    "read": {
+        "anyOf": [_object(_READ), {"type": "null"}],
+        "description": "what reading the log lost and repaired; null without one",
+    },
+    "output": "string|null: the table",
+}
+
 #: What gpszip usage says.
 _USAGE: Fields = {
     "edges": "integer: edges of the clean map",
@@ -576,6 +685,8 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "split": (_PARTS, {}),
     "usage": (_USAGE, {}),
     "route": (_PLAN, {}),
+    "predict": (_PREDICT, {}),
+    "unusual": (_UNUSUAL, {}),
     "diff": (
         {
             "a": "string: the first file",

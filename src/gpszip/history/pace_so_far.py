@@ -56,14 +56,14 @@ def band_factor(times: TravelTimes, rows: Traversals) -> float:
     moments = moments[spread.astype(np.int64)]
 
     # Observed over expected seconds of both halves.
-    plain, paced = np.zeros(len(moments)), np.zeros(len(moments))
+    plain, adjusted = np.zeros(len(moments)), np.zeros(len(moments))
     for i, moment in enumerate(moments.tolist()):
         observed, expected = _seconds(times, rows, moment - _BEFORE, moment)
         pace = times.pace_so_far(observed, expected)
         observed, expected = _seconds(times, rows, moment, moment + _AFTER)
         plain[i] = observed / expected
-        paced[i] = observed / (expected * pace)
-    return float(np.clip(_width(paced) / _width(plain), _MIN_FACTOR, 1.0))
+        adjusted[i] = observed / (expected * pace)
+    return float(np.clip(_width(adjusted) / _width(plain), _MIN_FACTOR, 1.0))
 
 
 def _seconds(times: TravelTimes, rows: Traversals, first: int, after: int) -> tuple[float, float]:

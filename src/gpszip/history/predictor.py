@@ -15,15 +15,15 @@ from gpszip.archive import Archive, open_archive
 from gpszip.errors import OptionError
 from gpszip.history.destinations import DestinationModel, TripEnds, learn_destinations
 from gpszip.history.exits import list_exits
-from gpszip.history.given_routes import read_route, tell_route
 from gpszip.history.pace_so_far import band_factor
+from gpszip.history.read_route import read_route, tell_route
 from gpszip.history.sequence_model import Passes, SequenceModel, train
 from gpszip.history.travel_time import TravelTimes, learn_travel_times
 from gpszip.history.traversals import History, read_history
 from gpszip.history.trips import cut_trips, nearest_ends
 from gpszip.history.ways import fastest_way, likeliest_way
 from gpszip.model.match import Route
-from gpszip.model.prediction import Arrival, LikelyNode, LikelyRoute, NextRoad
+from gpszip.model.prediction import LikelyNode, LikelyRoute, NextRoad, TripArrival
 from gpszip.model.timestamps import counts_from_1970
 
 __all__ = ["Predictor", "hours_of_day"]
@@ -248,8 +248,9 @@ class Predictor:
         agent: str | None = None,
         *,
         times: Sequence[float] | None = None,
-    ) -> Arrival:
-        """When the agent arrives, counted from when it leaves the last edge of its route.
+        metres_left: float = 0.0,
+    ) -> TripArrival:
+        """When the agent arrives, counted from now.
 
         Expected are the mean seconds of each edge in its direction at its hour, with standing at
         stops and lights, drawn to those of all edges where passes are few. The band is that of
@@ -263,15 +264,16 @@ class Predictor:
             Node of the network, to which the likeliest way is taken; or the route that remains,
             which begins where the other one ends.
         time : float, optional
-            Seconds as in the archive at which the agent leaves the last edge; by default at any
-            hour.
+            Now, in seconds as in the archive; by default any hour.
         times : sequence of float, optional
             Seconds at which each edge of the route was entered. With the time, they tell whether
             this trip is slower or faster than usual.
+        metres_left : float, default 0
+            Metres to the end of the route's last edge.
 
         Returns
         -------
-        Arrival
+        TripArrival
             With the way.
 
         Raises
@@ -290,19 +292,25 @@ class Predictor:
             if len(times) != len(route):
                 raise OptionError(f"the route has {len(route)} edges and {len(times)} times")
             begin = float(times[len(route) - len(directed)])
-            expected = float(self._times.seconds(*_columns(directed), begin).sum())
+            edges, forward = _columns(directed)
+            metres = self.network.lengths[edges].copy()
+            metres[-1] = max(metres[-1] - metres_left, 0.0)
+            seconds = self._times.seconds(edges, forward, begin, metres=metres)
+            expected = float(seconds.sum())
             pace = self._times.pace_so_far(max(time - begin, 0.0), expected)
             factor = self._band_factor
 
-        # The rest of the way.
-        if not way:
-            return Arrival(0.0, 0.0, 0.0, 0.0, ())
-        edges, forward = _columns(way)
-        told = self._times.arrival(edges, forward, time, pace=pace)
-        metres = float(self.network.lengths[edges].sum())
+        # The rest of the last edge, and of the way.
+        edges, forward = _columns([directed[-1], *way])
+        metres = self.network.lengths[edges].copy()
+        metres[0] = max(metres_left, 0.0)
+        length = float(metres.sum())
+        if not length:
+            return TripArrival(0.0, 0.0, 0.0, 0.0, ())
+        told = self._times.arrival(edges, forward, time, metres=metres, pace=pace)
         low = told.seconds * (told.low / told.seconds) ** factor
         high = told.seconds * (told.high / told.seconds) ** factor
-        return Arrival(told.seconds, low, high, metres, tell_route(way))
+        return TripArrival(told.seconds, low, high, length, tell_route(way))
 
     def learn(
         self,

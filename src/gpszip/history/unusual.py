@@ -4,7 +4,7 @@ The score of a trip adds up bits, each a factor of two in probability:
 
 - its route: the part of it whose turns and whose way are the most surprising
   (:mod:`gpszip.history.route_surprise`);
-- travel off the map: 10 bits, and one more for each 100 m;
+- travel off the map: 14 bits, and one more for each 100 m;
 - its slowest or fastest minute, and its most unusual stop, as far as they exceed what one of
   thousands shows, and 4 bits each at most: paces and stops vary for many reasons.
 """
@@ -20,20 +20,20 @@ from numpy.typing import NDArray
 
 from gpszip.geo.planes import to_geographic
 from gpszip.history.absences import find_absences
-from gpszip.history.given_routes import tell_route
 from gpszip.history.log_trips import LogTrip, list_trips
 from gpszip.history.pass_index import index_passes
 from gpszip.history.predictor import Predictor, hours_of_day
+from gpszip.history.read_route import tell_route
 from gpszip.history.route_surprise import Part, direction_bits, surprising_parts, turn_bits
 from gpszip.history.traversals import History, Traversals
 from gpszip.history.usual import learn_paces, learn_stops, pace_groups
-from gpszip.model import Track
+from gpszip.model import Plane, Track
 from gpszip.model.unusual import Anomaly, Unusual, UnusualTrip
 
 __all__ = ["Usual", "find_unusual"]
 
 #: Bits of leaving the map, and metres off it for a bit more.
-_OFF_MAP_BITS, _OFF_MAP_METRES = 10.0, 100.0
+_OFF_MAP_BITS, _OFF_MAP_METRES = 14.0, 100.0
 
 #: Most bits of travel off the map.
 _MAX_OFF_MAP = 60.0
@@ -115,7 +115,7 @@ class Usual:
                 part.end,
                 min(_MAX_OFF_MAP, _OFF_MAP_BITS + part.metres / _OFF_MAP_METRES),
                 f"off the map for {part.metres:,.0f} m",
-                self._place(part.position),
+                _place(part.position, tracks[trip.track].plane),
             )
             for part in trip.off_map
         ]
@@ -126,7 +126,7 @@ class Usual:
         for parts, usual in ((paces, _USUAL_PACE), (stops, _USUAL_STOP)):
             score += min(_MAX_ADDED, max((part.bits - usual for part in parts), default=0.0))
         told = [*(part for part in routes if part.bits >= _TOLD_BITS), *off_map, *paces, *stops]
-        told.sort(key=lambda part: -part.bits)
+        told.sort(key=_weight, reverse=True)
         reason = told[0].reason if told else "nothing unusual"
         return UnusualTrip(name, trip.start, trip.end, score, reason, tuple(told))
 
@@ -252,14 +252,24 @@ class Usual:
         line = self.network.road(edge)
         along = self.network.along[self.network.offsets[edge] : self.network.offsets[edge + 1]]
         half = 0.5 * float(along[-1])
-        return self._place(np.array([np.interp(half, along, axis) for axis in line.T]))
+        middle = np.array([np.interp(half, along, axis) for axis in line.T])
+        return _place(middle, self.network.plane)
 
-    def _place(self, position: NDArray[np.float64]) -> tuple[float, ...]:
-        """A position for people: latitude and longitude, or x and y."""
-        if self.network.plane is None:
-            return tuple(position.tolist())
-        lat, lon = to_geographic(position[None, :2], self.network.plane)
-        return float(lat[0]), float(lon[0])
+
+def _place(position: NDArray[np.float64], plane: Plane | None) -> tuple[float, ...]:
+    """A position for people: latitude and longitude, or x and y."""
+    if plane is None:
+        return tuple(position.tolist())
+    lat, lon = to_geographic(position[None, :2], plane)
+    return float(lat[0]), float(lon[0])
+
+
+def _weight(part: Anomaly) -> float:
+    """What a part adds to a score; equals by their bits."""
+    usual = {"slow": _USUAL_PACE, "fast": _USUAL_PACE, "stop": _USUAL_STOP}.get(part.kind)
+    if usual is None:
+        return part.bits
+    return min(_MAX_ADDED, part.bits - usual) + 1e-6 * part.bits
 
 
 class _Minutes(NamedTuple):

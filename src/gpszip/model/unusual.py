@@ -59,7 +59,7 @@ class UnusualTrip:
     reason : str
         What is the most unusual of it, for people.
     anomalies : tuple of Anomaly
-        Its unusual parts, the most unusual first.
+        Its unusual parts, those that add most to the score first.
     """
 
     track: str

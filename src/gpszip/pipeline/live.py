@@ -9,8 +9,8 @@ import numpy as np
 
 from gpszip.archive import Archive, open_archive
 from gpszip.errors import OptionError
-from gpszip.history.given_routes import tell_route
 from gpszip.history.predictor import Predictor
+from gpszip.history.read_route import tell_route
 from gpszip.history.ways import connect_roads
 from gpszip.matching.live import LiveMatcher
 from gpszip.model import Network
