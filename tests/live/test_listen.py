@@ -96,10 +96,11 @@ def test_lines_that_wait_for_others_are_stored_before_the_end(tmp_path):
     [
         (["--roll", "1h"], 2, "--roll needs --archive"),
         (["--rmse", "5m"], 2, "--rmse needs --archive"),
+        (["--archive", "a.gpsz"], 2, "a new archive needs a bound"),
         (["--timezone", "Mars"], 2, "no such zone"),
         (["--http", "host:port"], 2, "give HOST:PORT"),
         (["--columns", "t,x,y"], 2, "name columns of the header"),
-        (["--archive", "none/a.gpsz"], 1, "no such folder"),
+        (["--archive", "none/a.gpsz", "--rmse", "5m"], 1, "no such folder"),
     ],
 )
 def test_mistakes_are_told_before_anything_is_opened(listen, tmp_path, options, code, message):

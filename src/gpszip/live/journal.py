@@ -158,7 +158,8 @@ class Lock:
     def acquire(self) -> bool:
         """Take the lock; return whether it was free."""
         with as_output_error(self._path):
-            self._path.parent.mkdir(parents=True, exist_ok=True)
+            # Where people are is nobody else's matter.
+            self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             file = self._path.open("ab")
             if not _lock_file(file):
                 file.close()

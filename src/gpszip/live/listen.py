@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from gpszip.live.journal import Journal
+from gpszip.live.journal import Journal, segments
 from gpszip.live.notices import Notices
 from gpszip.live.recorder import Recorder
 from gpszip.live.source import FixSource
@@ -42,6 +42,8 @@ class Rolling:
         while True:
             await asyncio.sleep(self.every)
             journal.rotate()
+            if not segments(journal.folder):
+                continue
             process = await asyncio.create_subprocess_exec(
                 sys.executable,
                 *self._command,

@@ -177,8 +177,11 @@ def test_what_an_archive_cannot_take_goes_to_another_one(copy, monkeypatch):
 
     monkeypatch.setattr(append, "append", refuse)
     new = list(drive("a", 100, 20))
-    report = roll_in(copy, new)
+    report = roll_in(copy, new, Options(effort=1))
     assert report.archives == [str(copy / "a-2.gpsz")]
+    # It has the bound of the first one.
+    bounds = [archive.error_bound for _, archive in open_archives(copy / "a.gpsz")]
+    assert bounds[0] == bounds[1]
     assert worst_error(copy, new) <= 15.05
 
 
@@ -208,6 +211,12 @@ def test_robots_have_planes(tmp_path):
     archive = gpszip.open(tmp_path / "a.gpsz")
     found = archive.position("r", [fix.time for fix in fixes])
     assert np.linalg.norm(found - [fix.position for fix in fixes], axis=1).max() <= 0.1001
+
+
+def test_a_new_archive_needs_a_bound(tmp_path):
+    with pytest.raises(OptionError, match="needs a bound"):
+        roll_in(tmp_path, drive("a", 0, 5), Options(effort=1))
+    assert len(segments(tmp_path / "journal")) == 1
 
 
 def test_an_rmse_alone_gets_a_maximum(tmp_path):
