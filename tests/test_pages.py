@@ -64,9 +64,9 @@ LOGS = {"patrol": "patrol.csv", "walks": "walks/walk.gpx"}
 #: Files that a page writes itself.
 WRITTEN = {"docs/index.md": "walks.csv"}
 
-#: Parts of commands that are not run: they need another machine, load all kernels first, which takes
-#: half a minute, or run until they are told to stop. tests/cli/test_engines.py runs processes, and
-#: tests/live/ listeners.
+#: Parts of commands that are not run: they need another machine, load all kernels first, which
+#: takes half a minute, or run until they are told to stop. tests/cli/test_engines.py runs
+#: processes, and tests/live/ listeners.
 NOT_RUN = ("s3://", "gpszip warm", "--engine processes", "gpszip listen")
 
 #: A command in an indented block.

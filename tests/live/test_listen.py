@@ -19,7 +19,7 @@ import gpszip
 from gpszip.cli.main import main
 from gpszip.live.journal import segments
 from live import bodies
-from live.running import listening, request, stored
+from live.running import kill_when, listening, request, stored
 
 needs_server = pytest.mark.skipif(
     find_spec("starlette") is None or find_spec("uvicorn") is None, reason="needs gpszip[live]"
@@ -121,12 +121,17 @@ def test_killed_while_it_archives_nothing_acknowledged_is_lost(tmp_path):
     archive = tmp_path / "a.gpsz"
     to_archive = ["--archive", archive, "--max-error", "5m", "--effort", "1"]
     acknowledged = 0
-    for _ in range(2):
+    for round in range(1, 3):
         options = ["--http", "127.0.0.1:0", *to_archive, "--roll", "0.3s"]
         with listening(tmp_path / "journal", *options) as listener:
             port = listener.port
-            killer = threading.Timer(rng.uniform(1.0, 2.0), listener.process.kill)
-            killer.start()
+            # While a process archives the journal, or soon after.
+            rolling = tmp_path / "journal" / "rolling"
+            killer = kill_when(
+                listener,
+                lambda: acknowledged >= 20 * round and rolling.exists(),  # noqa: B023
+                rng.uniform(0, 0.5),
+            )
             try:
                 while True:
                     when = bodies.TIME + acknowledged
@@ -148,5 +153,5 @@ def test_killed_while_it_archives_nothing_acknowledged_is_lost(tmp_path):
         subprocess.run([sys.executable, *command, "--roll-now"], check=False, capture_output=True)
     times = np.arange(acknowledged, dtype=float)
     found = gpszip.open(archive).position("ann", bodies.TIME + times)
-    assert acknowledged > 20
+    assert acknowledged >= 40
     assert np.abs(found[:, 0] - (48 + times / 1e4)).max() < 5.01 / 111_000

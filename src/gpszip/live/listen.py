@@ -111,12 +111,13 @@ async def listen(
             # Errors are raised below; asyncio would report again those that nobody asked for.
             everything.cancel()
             await asyncio.wait([everything], timeout=_END_SECONDS)
+            _has_failed(everything)
             await recorder.finish()
     if failed is not None:
         raise failed
 
 
-def _has_failed(task: asyncio.Task[Any]) -> bool:
+def _has_failed(task: asyncio.Future[Any]) -> bool:
     return task.done() and not task.cancelled() and task.exception() is not None
 
 
