@@ -20,6 +20,7 @@ from gpszip.cli.main import main
 from gpszip.live.journal import segments
 from live import bodies
 from live.running import kill_when, listening, request, stored
+from live.servers import wait_until
 
 needs_server = pytest.mark.skipif(
     find_spec("starlette") is None or find_spec("uvicorn") is None, reason="needs gpszip[live]"
@@ -155,3 +156,26 @@ def test_killed_while_it_archives_nothing_acknowledged_is_lost(tmp_path):
     found = gpszip.open(archive).position("ann", bodies.TIME + times)
     assert acknowledged >= 40
     assert np.abs(found[:, 0] - (48 + times / 1e4)).max() < 5.01 / 111_000
+
+
+def test_an_archive_that_fails_is_told_and_the_listener_goes_on(tmp_path):
+    archive = tmp_path / "a.gpsz"
+    options = ["--archive", archive, "--max-error", "5m", "--effort", "1", "--roll", "0.1s"]
+    with listening(tmp_path / "journal", *options, stdin=subprocess.PIPE) as listener:
+        # Metres can't be appended to an archive in degrees.
+        listener.process.stdin.write(table(0, 5))
+        listener.process.stdin.flush()
+        assert wait_until(archive.exists)
+        gpszip.compress(gpszip.Track("a", [0, 1], [[0.0, 0.0], [9.0, 0.0]]), max_error=1).save(
+            archive, force=True
+        )
+        listener.process.stdin.write(table(5, 5).partition("\n")[2])
+        listener.process.stdin.flush()
+        assert wait_until(lambda: any("not archived" in line for line in listener.lines), 15), (
+            listener.lines
+        )
+        assert listener.process.poll() is None
+        listener.process.stdin.close()
+        assert listener.process.wait(60) == 2
+    assert any("the archive in metres" in line for line in listener.lines)
+    assert len(stored(tmp_path / "journal")) == 5

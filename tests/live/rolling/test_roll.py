@@ -235,6 +235,16 @@ def test_the_last_segment_belongs_to_its_writer(tmp_path):
     assert len(segments(tmp_path / "journal")) == 1
 
 
+def test_segments_without_fixes_are_deleted(tmp_path):
+    for number, data in enumerate(
+        [b"", b"gpszip jour", b"gpszip journal 1\n", b"gpszip journal 1\nx"]
+    ):
+        (tmp_path / f"{number + 1:08}.log").write_bytes(data)
+    report = roll(tmp_path, tmp_path / "a.gpsz", Options())
+    assert (report.segments, report.fixes, report.archives) == (4, 0, [])
+    assert segments(tmp_path) == []
+
+
 def test_one_process_archives_a_journal(tmp_path):
     lock = module.Lock(tmp_path, "rolling")
     assert lock.acquire()

@@ -161,6 +161,8 @@ def _roll_batch(
     tail = Tail()
     fixes, geographic = read_fixes(paths, tail)
     report.damaged += tail.damaged
+    if not fixes:
+        return
     archives = open_archives(target)
     _check_kind(archives, geographic=geographic)
     unknown = _unknown(archives, fixes)
