@@ -236,3 +236,37 @@ def test_a_short_description_has_shared_segments():
     assert 4 * mean.m + 2 * mean.k < 4 * free.m + 2 * free.k
     assert mean.m < 8
     assert shares == sorted(shares)
+
+
+def test_a_search_that_stops_early_finds_what_a_full_one_finds(monkeypatch):
+    track = rounds(6)
+    early = find_parameters(track, (2, 48), (1, 24))
+    monkeypatch.setattr(search, "_TOLERANCE", 0.0)
+    monkeypatch.setattr(search, "_LEAST_GAIN", 0.0)
+    full = find_parameters(track, (2, 48), (1, 24))
+    assert (early.k, early.m, early.mean.cost) == (full.k, full.m, full.mean.cost)
+
+
+def test_searches_for_several_m_ask_together():
+    asked = []
+
+    def costs_of(pairs):
+        asked.append(pairs)
+        return [1000 / k + k + m for k, m in pairs]
+
+    found = search._run_together(
+        [search._elbow_steps(1, 20), search._elbow_steps(3, 40)], [1, 3], costs_of
+    )
+    alone = [
+        find_elbow(low, high, lambda ks, m=m: [1000 / k + k + m for k in ks])
+        for low, high, m in ((1, 20, 1), (3, 40, 3))
+    ]
+    assert found == alone
+    assert {m for _, m in asked[0]} == {1, 3}
+
+
+@pytest.mark.parametrize(("ks", "ms"), [((1, 1), (1, 1)), ((4, 30), (4, 4)), ((9, 9), (2, 9))])
+def test_ranges_may_be_a_single_number(ks, ms):
+    found = find_parameters(rounds(2), ks, ms)
+    assert ks[0] <= found.k <= ks[1]
+    assert ms[0] <= found.m <= ms[1]

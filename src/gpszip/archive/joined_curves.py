@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from gpszip.container.contents import Section
-from gpszip.container.layout import SectionKind
 from gpszip.errors import OptionError
 
 if TYPE_CHECKING:
@@ -38,7 +37,7 @@ def join_curves(
     if not names:
         return ()
     _refuse_exact(archives, list(names))
-    from gpszip.archive.curves import encode_curves
+    from gpszip.archive.curves import curves_section
     from gpszip.codec.joined_curves import join_columns
 
     columns = {}
@@ -49,7 +48,7 @@ def join_curves(
             for track in tracks
         ]
         columns[name] = join_columns(parts, name)
-    return (Section(SectionKind.CURVES, encode_curves(columns)),)
+    return (curves_section(columns),)
 
 
 def curve_part(archive: Archive, number: int, column: CurveColumn | None) -> CurvePart:

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.codec.curves import UNITS, CurveColumn, check_range
+from gpszip.codec.curves import MAX_FIRST, UNITS, CurveColumn, check_range
 from gpszip.codec.kernels.curves import BEGINS_RUN, BEGINS_TRACK, GOES_ON
+from gpszip.errors import OptionError
 
 __all__ = ["CurvePart", "join_columns"]
 
@@ -20,6 +21,9 @@ _SLACK = 2e-3
 
 #: Share by which rounding values to another step may make a bound grow.
 _GROWTH = 1e-3
+
+#: Refinements of a step at most, by half, before no grid is found.
+_MAX_REFINEMENTS = 64
 
 #: Relative error of floating-point rounding, generously.
 _ROUNDING = 1e-9
@@ -115,21 +119,23 @@ def _common_grid(columns: Sequence[CurveColumn]) -> _Grid:
     if not columns:
         return _Grid(1.0, 1.0, UNITS[0])
     loosest = max(columns, key=lambda column: column.bound)
-    step = loosest.step
-    while True:
+    for refinements in range(_MAX_REFINEMENTS):
+        step = loosest.step / 2**refinements
+        if step == 0:
+            break
         bounds = [
             column.bound + (0 if _is_multiple(column.step, step) else (1 + _ROUNDING) * step / 2)
             for column in columns
         ]
         if max(bounds) <= (1 + _GROWTH) * loosest.bound:
             return _Grid(max(bounds), step, max(column.unit for column in columns))
-        step /= 2
+    raise _no_grid_error()
 
 
 def _is_multiple(step: float, of: float) -> bool:
     """Whether a step is a whole number of others, exactly."""
     ratio = step / of
-    return ratio == math.floor(ratio) >= 1 and ratio * of == step
+    return ratio.is_integer() and ratio >= 1 and ratio * of == step
 
 
 def _join_parts(parts: Sequence[CurvePart], grid: _Grid, *, may_cut: bool) -> _Ints | None:
@@ -175,9 +181,28 @@ def _on_grid(part: CurvePart, grid: _Grid) -> _Ints:
     if part.column is None:
         return np.zeros((0, 3), np.int64)
     kinds, times, values = part.column.knots[part.track].T
-    ratio = part.column.step / grid.step
-    scaled = values * int(ratio) if ratio.is_integer() else np.rint(values * ratio).astype(np.int64)
-    return np.stack([kinds, times * (grid.unit // part.column.unit), scaled], axis=1)
+    scaled = [
+        _scale(times, grid.unit / part.column.unit),
+        _scale(values, part.column.step / grid.step),
+    ]
+    return np.stack([kinds, *scaled], axis=1)
+
+
+def _scale(numbers: _Ints, ratio: float) -> _Ints:
+    """Multiply integers, exactly by whole numbers."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        product = np.rint(numbers * ratio)
+    if not np.abs(product).max(initial=0.0) < MAX_FIRST:
+        raise _no_grid_error()
+    scaled: _Ints = product.astype(np.int64)
+    return scaled
+
+
+def _no_grid_error() -> OptionError:
+    return OptionError(
+        "times or values of the curves are too far apart for one archive",
+        remedy="keep the archives apart",
+    )
 
 
 def _are_equal(first: _Ints, second: _Ints) -> bool:

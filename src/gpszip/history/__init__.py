@@ -1,1 +1,1 @@
-"""What an archive knows of the past: traversals of its edges, and what follows from them."""
+"""What a history of positions tells: stays, trips, traversals of edges, and what follows."""

@@ -18,7 +18,7 @@ from gpszip.model import Listener, Options, Progress, Track
 from gpszip.model.log import Log, LogTrack, MemoryLog
 from gpszip.pipeline.bounds import size_in_bytes, with_bound
 from gpszip.pipeline.kept_columns import kept_sections
-from gpszip.pipeline.kept_curves import curve_sections, with_heights
+from gpszip.pipeline.kept_curves import curve_sections
 from gpszip.pipeline.memory import batch_samples, subsample_size, workers_within
 from gpszip.pipeline.slices import Slice, batch_slices, slice_tracks
 from gpszip.pipeline.validate import check_thesis_in_memory
@@ -180,7 +180,7 @@ def prepare(
     sampling = sampling_interval(timed, timed_gaps) if timed else None
 
     # The bound, and the columns.
-    options, height_notes = with_heights(options, log)
+    curves, curve_notes = curve_sections(log, options, memory)
     options = size_in_bytes(options, _bytes_of(log))
     options, notes = with_bound(options, sample, gaps, "the log" if in_memory else "a subsample")
 
@@ -196,12 +196,12 @@ def prepare(
         gap=gap,
         sampling=sampling,
         options=options,
-        notes=notes + height_notes,
+        notes=notes + curve_notes,
         executor=workers,
         listener=progress,
         map=map,
         batch=batch,
-        extras=(*kept_sections(log, options), *curve_sections(log, options, memory)),
+        extras=(*kept_sections(log, options), *curves),
     )
 
 

@@ -14,7 +14,7 @@ from gpszip.archive import Archive
 from gpszip.container.attributes import write_attributes
 from gpszip.container.columns import Column, Values, as_column
 from gpszip.container.contents import Section
-from gpszip.container.layout import SectionKind
+from gpszip.container.layout import CURVE_KINDS, SectionKind
 from gpszip.errors import OptionError
 from gpszip.lossless.kept import smaller_section
 from gpszip.model import Options, Track
@@ -93,7 +93,7 @@ def extended_sections(archive: Archive, log: Log, options: Options) -> tuple[Sec
         Whose ``keep`` names the columns of the archive.
     """
     # Leave all other sections as they are; without times of samples there are no columns.
-    replaced = {SectionKind.ATTRIBUTES, SectionKind.CODED_ATTRIBUTES, SectionKind.CURVES}
+    replaced = {SectionKind.ATTRIBUTES, SectionKind.CODED_ATTRIBUTES, *CURVE_KINDS}
     others = tuple(each for each in archive.contents.extras if each.kind not in replaced)
     if not options.keep_times:
         return others

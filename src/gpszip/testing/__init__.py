@@ -6,6 +6,7 @@ from gpszip.testing.log_with_truth import LogWithTruth
 from gpszip.testing.patrol import patrol, patrol_with_truth
 from gpszip.testing.person import person, person_places
 from gpszip.testing.quadrotor import quadrotor
+from gpszip.testing.shuttle_lines import shuttles
 from gpszip.testing.taxis import fleet, taxis
 
 __all__ = [
@@ -20,5 +21,6 @@ __all__ = [
     "person_places",
     "quadrotor",
     "ring",
+    "shuttles",
     "taxis",
 ]

@@ -145,8 +145,8 @@ class ColumnEncoder:
             If a column is missing, or there are more distinct texts than fit in memory.
         """
         # Files may differ in their columns, but each needs those to keep unless they are optional.
-        nothing = dict.fromkeys(self.optional, np.full(rows, np.nan))
-        attributes = {**nothing, **attributes} if self.optional else attributes
+        lacking = [name for name in self.optional if name not in attributes]
+        attributes = {**attributes, **dict.fromkeys(lacking, np.full(rows, np.nan))}
         missing = next((name for name in self.names if name not in attributes), None)
         if missing is not None:
             available = ", ".join(attributes) or "none"

@@ -65,8 +65,10 @@ class Request:
     heading : bool
         Keep headings, if the log has some, as the attribute ``heading``.
     heights : bool
-        Keep heights, if a file of GPX, KML, TCX or FIT has some, as the attribute ``ele``. A name
-        of heights in ``keep`` may then be missing there.
+        Keep heights, if a file of GPX, KML, TCX or FIT has some, as the attribute ``ele``. Where
+        ``keep`` names heights, any file may lack them, instead.
+    accuracy : bool
+        Keep errors of positions, if the log states them, as the attribute ``accuracy`` in metres.
     dates : str, optional
         ``dmy``, ``mdy`` or ``ymd``, the order of day, month and year in dates such as 03/04/2024;
         found from all dates of the column if left out.
@@ -90,6 +92,7 @@ class Request:
     time_unit: str | None = None
     keep: tuple[str, ...] = ()
     heading: bool = False
+    accuracy: bool = False
     dates: str | None = None
     skip_bad: bool = False
     times: bool = True
@@ -101,7 +104,7 @@ class Request:
 
     @property
     def optional(self) -> tuple[str, ...]:
-        """Columns to keep of GPX, KML, TCX and FIT where a file has them.
+        """Columns to keep where a file has them.
 
         Examples
         --------
@@ -113,7 +116,7 @@ class Request:
 
     @property
     def required(self) -> tuple[str, ...]:
-        """Columns to keep that each file of these formats must have."""
+        """Columns to keep that each file must have."""
         optional = self.optional
         return tuple(name for name in self.keep if name not in optional)
 
@@ -294,6 +297,8 @@ def find_kept(
             shown = ", ".join(synonyms)
             raise InputError(f"no {name!r} to keep", path=where, remedy=f"its points have: {shown}")
         kept[name] = columns[0]
+    if request.accuracy and "accuracy" in synonyms:
+        kept["accuracy"] = "accuracy"
     return {**kept, "heading": heading} if request.heading else kept
 
 
