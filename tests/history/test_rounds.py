@@ -183,5 +183,5 @@ def test_errands_are_no_rounds(seed):
 def test_medians_are_those_of_numpy(counts):
     number, edge = np.nonzero(counts)
     expected = np.sort(counts, axis=0)[(len(counts) - 1) // 2]
-    found = _median_counts(edge, counts[number, edge], *counts.shape)
+    found = _median_counts(edge, counts[number, edge].astype(float), *counts.shape)
     assert found.tolist() == expected.tolist()

@@ -58,6 +58,7 @@ _COMMANDS = (
     "trips",
     "usage",
     "route",
+    "rounds",
     "predict",
     "unusual",
     "merge",

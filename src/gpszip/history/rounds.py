@@ -31,8 +31,11 @@ _MIN_ROUNDS = 3
 #: person reach 0.1.
 _MIN_REGULARITY = 0.3
 
-#: Share of an edge that is travelled at least in a traversal that counts.
-_TRAVELLED = 0.5
+#: Share of an edge that is travelled at least where an agent passes a base.
+_PASSED = 0.5
+
+#: Traversals of an edge by which a round may fall short: an agent turns back a little earlier.
+_TOLERANCE = 0.1
 
 #: Cost, as a share of the least, up to which the base is chosen by where agents wait.
 _EQUAL_COST = 1.02
@@ -45,7 +48,7 @@ Longs = NDArray[np.int64]
 
 
 class _Travel(NamedTuple):
-    """Traversals that count, with what is asked of them.
+    """Traversals, with what is asked of them.
 
     Parameters
     ----------
@@ -53,12 +56,15 @@ class _Travel(NamedTuple):
         At least one.
     lengths : float64 array, shape (E,)
         Metres of all edges.
+    share : float64 array, shape (n,)
+        Share of the edge that each traversal travels, from 0 to 1.
     first_node, last_node : int32 array, shape (n,)
-        Nodes at which each traversal begins and ends.
+        Nodes at which each traversal begins and ends; the last one is -1 if it ends before.
     """
 
     traversals: Traversals
     lengths: Floats
+    share: Floats
     first_node: NDArray[np.int32]
     last_node: NDArray[np.int32]
 
@@ -70,9 +76,11 @@ class _Cut(NamedTuple):
     ----------
     begins, ends : int64 array, shape (r,)
         First traversal of each round, and the one after its last.
-    round, edge, counts : int64 array, shape (c,)
-        How often a round travels an edge, where it does, in the order of rounds.
-    usual : int64 array, shape (E,)
+    round, edge : int64 array, shape (c,)
+        Pairs of a round and an edge that it travels, in the order of rounds.
+    counts : float64 array, shape (c,)
+        How often it does; half an edge and back count as one.
+    usual : float64 array, shape (E,)
         Median of the counts of each edge.
     cost : float
         Metres that tell the log.
@@ -82,8 +90,8 @@ class _Cut(NamedTuple):
     ends: Longs
     round: Longs
     edge: Longs
-    counts: Longs
-    usual: Longs
+    counts: Floats
+    usual: Floats
     cost: float
 
 
@@ -126,7 +134,7 @@ def find_rounds(history: History, since: float | None = None) -> Rounds:
     travel = _list_travel(history)
     traversals, lengths = travel.traversals, travel.lengths
     cut = _choose_base(travel)
-    total = float(lengths[traversals.edge].sum())
+    total = float(traversals.metres.sum())
     regularity = 0.0 if cut is None else 1.0 - cut.cost / total
     if cut is None or regularity < _MIN_REGULARITY:
         raise InputError(
@@ -138,7 +146,7 @@ def find_rounds(history: History, since: float | None = None) -> Rounds:
     medoid = int(np.argmin(_count_differences(cut, lengths).metres))
     rows = slice(int(cut.begins[medoid]), int(cut.ends[medoid]))
     usual_edges, usual_forward = traversals.edge[rows], traversals.forward[rows]
-    cut = cut._replace(usual=np.bincount(usual_edges, minlength=len(lengths)))
+    cut = cut._replace(usual=sum_by(usual_edges, travel.share[rows], len(lengths)))
 
     # 3. Compare all rounds with it.
     rounds = _list_rounds(traversals, cut, lengths)
@@ -148,7 +156,7 @@ def find_rounds(history: History, since: float | None = None) -> Rounds:
     # 4. Count visits.
     return Rounds(
         usual=tuple(zip(usual_edges.tolist(), usual_forward.tolist(), strict=True)),
-        length=float(lengths[usual_edges].sum()),
+        length=float(lengths @ cut.usual),
         duration=float(np.median(durations)),
         regularity=regularity,
         rounds=told,
@@ -157,25 +165,29 @@ def find_rounds(history: History, since: float | None = None) -> Rounds:
 
 
 def _list_travel(history: History) -> _Travel:
-    """Leave out where an agent turns back on an edge, or the log ends."""
+    # An agent that stops on an edge, or turns back there, reaches no node.
     network, traversals = history
     lengths = network.lengths
-    traversals = traversals.take(traversals.metres > _TRAVELLED * lengths[traversals.edge])
+    own_length = lengths[traversals.edge]
+    missing = np.abs(traversals.end - np.where(traversals.forward, own_length, 0.0))
+    reaches = missing <= _TOLERANCE * own_length
+
     starts, ends = network.starts[traversals.edge], network.ends[traversals.edge]
     return _Travel(
         traversals,
         lengths,
+        np.minimum(traversals.metres / own_length, 1.0),
         np.where(traversals.forward, starts, ends),
-        np.where(traversals.forward, ends, starts),
+        np.where(reaches, np.where(traversals.forward, ends, starts), -1),
     )
 
 
 def _choose_base(travel: _Travel) -> _Cut | None:
     """Cut all travel at the base that needs the fewest metres; None if none is passed enough."""
-    traversals, lengths, _, _ = travel
+    traversals, lengths, share, _, _ = travel
 
     # Edges and directions that are passed often enough, by how often; evenly chosen if many.
-    passes = np.bincount(traversals.directed, minlength=2 * len(lengths))
+    passes = np.bincount(traversals.directed[share > _PASSED], minlength=2 * len(lengths))
     candidates = np.argsort(-passes, kind="stable")
     candidates = candidates[passes[candidates] >= _MIN_ROUNDS]
     most = max(_MAX_WORK // max(len(traversals), 1), 1)
@@ -200,12 +212,14 @@ def _choose_base(travel: _Travel) -> _Cut | None:
 
 def _cut_at(travel: _Travel, base: int) -> _Cut:
     """Cut the travel of each track into rounds, each from one passage of a base to the next."""
-    traversals, lengths, first_node, last_node = travel
+    traversals, lengths, share, first_node, last_node = travel
     # A round begins at a passage and ends at the next one of the same track, or at the end of the
-    # track if it is back there.
-    begins = np.flatnonzero(traversals.directed == base)
+    # track if it is back there; a small start of one more round doesn't count.
+    begins = np.flatnonzero((traversals.directed == base) & (share > _PASSED))
     ends = np.append(begins[1:], len(traversals))
-    track_ends = np.searchsorted(traversals.track, traversals.track[begins], side="right")
+    counted = np.flatnonzero(share > _TOLERANCE)
+    last = np.searchsorted(traversals.track[counted], traversals.track[begins], side="right") - 1
+    track_ends = counted[last] + 1
     is_last = ends >= track_ends
     ends = np.where(is_last, track_ends, ends)
     is_round = ~is_last | (last_node[ends - 1] == first_node[begins])
@@ -220,34 +234,35 @@ def _cut_at(travel: _Travel, base: int) -> _Cut:
     np.add.at(inside, ends, -1)
     is_inside = np.cumsum(inside)[:-1] > 0
     keys = number[is_inside] * len(lengths) + traversals.edge[is_inside]
-    keys, count = np.unique(keys, return_counts=True)
+    keys, pair = np.unique(keys, return_inverse=True)
+    counts = sum_by(pair, share[is_inside], len(keys))
     round_, edge = np.divmod(keys, len(lengths))
 
     # Metres that tell the log: a usual round, the differences, and what is in no round.
-    usual = _median_counts(edge, count, len(begins), len(lengths))
-    cut = _Cut(begins, ends, round_, edge, count, usual, 0.0)
-    outside = float(lengths[traversals.edge[~is_inside]].sum())
+    usual = _median_counts(edge, counts, len(begins), len(lengths))
+    cut = _Cut(begins, ends, round_, edge, counts, usual, 0.0)
+    outside = float(traversals.metres[~is_inside].sum())
     differences = _count_differences(cut, lengths)
     cost = float(lengths @ usual) + float(differences.metres.sum()) + outside
     return cut._replace(cost=cost)
 
 
-def _median_counts(edge: Longs, count: Longs, rounds: int, edges: int) -> Longs:
+def _median_counts(edge: Longs, counts: Floats, rounds: int, edges: int) -> Floats:
     """Return the lower median of the counts of each edge over all rounds, most of which are 0.
 
     Examples
     --------
-    >>> _median_counts(np.array([0, 0, 0, 2]), np.array([1, 2, 1, 5]), 4, 3).tolist()
-    [1, 0, 0]
+    >>> _median_counts(np.array([0, 0, 0, 2]), np.array([1.0, 2.0, 1.5, 5.0]), 4, 3).tolist()
+    [1.0, 0.0, 0.0]
     """
     # The rank of a count among those of its edge, from the largest; those not listed are 0.
-    order = np.lexsort((-count, edge))
+    order = np.lexsort((-counts, edge))
     sorted_edge = edge[order]
     first = np.searchsorted(sorted_edge, np.arange(edges))
     is_median = np.arange(len(order)) - first[sorted_edge] == rounds // 2
 
-    medians = np.zeros(edges, np.int64)
-    medians[sorted_edge[is_median]] = count[order][is_median]
+    medians = np.zeros(edges)
+    medians[sorted_edge[is_median]] = counts[order][is_median]
     return medians
 
 
@@ -312,14 +327,14 @@ def _list_missed(cut: _Cut) -> list[tuple[int, ...]]:
     bounds = np.searchsorted(cut.round, np.arange(len(cut.begins) + 1))
     missed = []
     for begin, end in pairwise(bounds.tolist()):
-        count = np.zeros(len(cut.usual), np.int64)
-        count[cut.edge[begin:end]] = cut.counts[begin:end]
-        missed.append(tuple(edges[count[edges] < cut.usual[edges]].tolist()))
+        counts = np.zeros(len(cut.usual))
+        counts[cut.edge[begin:end]] = cut.counts[begin:end]
+        missed.append(tuple(edges[counts[edges] < cut.usual[edges] - _TOLERANCE].tolist()))
     return missed
 
 
 def _list_visits(
-    traversals: Traversals, usual: Longs, rounds: tuple[Round, ...], since: float | None
+    traversals: Traversals, usual: Floats, rounds: tuple[Round, ...], since: float | None
 ) -> tuple[EdgeVisits, ...]:
     """Count the visits of each edge, and the rounds that miss it."""
     # Visits from the time asked for, edge by edge in the order of time.
@@ -339,7 +354,7 @@ def _list_visits(
         visits.append(
             EdgeVisits(
                 edge=number,
-                usual=int(usual[number]),
+                usual=float(usual[number]),
                 visits=len(times),
                 missed=missed[number],
                 first=float(times[0]) if len(times) else math.nan,

@@ -52,8 +52,8 @@ class EdgeVisits:
     ----------
     edge : int
         Edge of the network.
-    usual : int
-        Traversals in a usual round, both directions together.
+    usual : float
+        Traversals in a usual round, both directions together; half an edge and back are one.
     visits : int
         Traversals in all.
     missed : int
@@ -67,7 +67,7 @@ class EdgeVisits:
     """
 
     edge: int
-    usual: int
+    usual: float
     visits: int
     missed: int
     first: float
