@@ -96,6 +96,15 @@ def test_an_archive_needs_no_log(gpszip, phone):
     assert run.code == 2 and "--blur leaves nothing" in run.err
 
 
+def test_standard_input(gpszip, phone, monkeypatch):
+    options = "--effort 1 --max-error 30m --until 2024-05-07 --clean"
+    assert gpszip(f"compress phone.csv -o A.gpsz {options}").code == 0
+    for name, trips in (("phone.csv", 6), ("A.gpsz", 2)):
+        given = io.TextIOWrapper(io.BytesIO((phone.parent / name).read_bytes()))
+        monkeypatch.setattr("sys.stdin", given)
+        assert gpszip("trips - --json").json["trips"] == trips
+
+
 def test_formats(gpszip, phone):
     for name in ("T.csv", "T.json", "T.parquet", "T.geojson"):
         run = gpszip(f"trips phone.csv -o {name} --places {name.replace('T', 'P')}")
