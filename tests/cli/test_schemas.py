@@ -38,6 +38,9 @@ def files(log, archive, gpszip, tmp_path):
     (tmp_path / "rough.csv").write_text("\n".join([f"{header},about", *rows, rows[-1]]))
     (tmp_path / "place.csv").write_text("t,lat,lon\n1714557600,48,11\n1714557601,48,11.1\n")
     (tmp_path / "bad.gpx").write_text("<gpx><trk>")
+    corners = ["0,0", "90,0", "90,60", "0,60"] * 5
+    rows = [f"{30 * i},{corner}" for i, corner in enumerate(corners)]
+    (tmp_path / "patrol.csv").write_text("\n".join(["t,x,y", *rows]))
 
 
 def check(output, command):
@@ -73,6 +76,7 @@ COMMANDS = [
     "listen --journal journal --stdin",
     "replay place.csv --as nmea --to udp://127.0.0.1:9",
     "usage walk.gpsz --by none",
+    "rounds patrol.csv -o out.csv",
     "route walk.gpsz 1,1 20,1 -o out.geojson",
     "usage walk.csv --likelihood walk.csv --by hour -o out.csv",
     "predict walk.gpsz",
