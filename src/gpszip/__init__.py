@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gpszip.api import (
         append,
+        changes,
         compress,
         coreset,
         decompress,
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     )
     from gpszip.history.agents import AgentSpeed
     from gpszip.history.calendar import Calendar
+    from gpszip.history.changes import Change, Changes
     from gpszip.history.markov import Likelihood, MarkovModel
     from gpszip.history.routes import PlannedRoute
     from gpszip.history.travel_time import Arrival
@@ -99,6 +101,8 @@ __all__ = [
     "BoundError",
     "Break",
     "Calendar",
+    "Change",
+    "Changes",
     "CleanMap",
     "Coreset",
     "CoresetStream",
@@ -166,6 +170,7 @@ __all__ = [
     "WorkerError",
     "__version__",
     "append",
+    "changes",
     "compress",
     "coreset",
     "decompress",
@@ -191,6 +196,7 @@ __all__ = [
 _HOMES = {
     "gpszip.api": (
         "append",
+        "changes",
         "compress",
         "coreset",
         "decompress",
@@ -230,6 +236,10 @@ _HOMES = {
     ),
     "gpszip.history.agents": ("AgentSpeed",),
     "gpszip.history.calendar": ("Calendar",),
+    "gpszip.history.changes": (
+        "Change",
+        "Changes",
+    ),
     "gpszip.history.markov": (
         "Likelihood",
         "MarkovModel",

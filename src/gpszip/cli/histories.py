@@ -25,13 +25,16 @@ if TYPE_CHECKING:
     from gpszip.archive import Archive
     from gpszip.model import ReadResult
 
-__all__ = ["history_options", "open_history", "outcome_of", "timezone_option"]
+__all__ = ["history_options", "log_options", "open_history", "outcome_of", "timezone_option"]
 
 #: Bytes by which an archive is known.
 _HEAD_BYTES = 8
 
 #: Effort of compressing a log on the way.
 _EFFORT = 1
+
+#: Values of the options of a selection that selects everything.
+_NO_SELECTION: dict[str, Any] = {"tracks": (), "since": None, "until": None, "bbox": None}
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -48,6 +51,11 @@ def timezone_option(command: F) -> F:
 
 def history_options(command: F) -> F:
     """Add the options of reading an archive, or logs that are compressed on the way."""
+    return log_options(selection_options(command))
+
+
+def log_options(command: F) -> F:
+    """Add those options but the ones that select tracks, times and an area."""
     decorators: Sequence[Callable[[F], F]] = (
         map_option,
         click.option("--clean", is_flag=True, help="Drop outliers of logs, as compress does."),
@@ -57,7 +65,6 @@ def history_options(command: F) -> F:
             "--columns", metavar="ROLES", help="Which column of logs is what: t=when,x=east."
         ),
         time_options,
-        selection_options,
         robot_options,
         click.option(
             "--format",
@@ -98,8 +105,9 @@ def open_history(
     from gpszip.errors import OptionError
     from gpszip.pipeline.diff import holds_archive
 
-    # An archive alone.
-    selection = pop_selection(reading)
+    # An archive alone. A command without a selection takes all of it.
+    selection = pop_selection({**_NO_SELECTION, **reading})
+    reading = {name: value for name, value in reading.items() if name not in _NO_SELECTION}
     stdin = sys.stdin.buffer.read() if "-" in names else b""
     archives = [name for name in names if holds_archive(stdin if name == "-" else _head(name))]
     if archives and len(names) > 1:

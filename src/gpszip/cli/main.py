@@ -55,6 +55,7 @@ _COMMANDS = (
     "patch",
     "usage",
     "route",
+    "changes",
     "merge",
     "view",
     "info",
