@@ -38,6 +38,7 @@ PAGES = {
     "docs/robots.md": (),
     "docs/fleets.md": ("monday", "tuesday"),
     "docs/phones.md": (),
+    "docs/trips.md": (),
     "docs/lossless.md": (),
     "docs/notebooks.md": ("monday", "tuesday", "fleet"),
     "docs/qgis.md": ("fleet",),
@@ -51,7 +52,9 @@ PAGES = {
     "docs/networks.md": (),
     "docs/parallel.md": (),
     "docs/patching.md": (),
+    "docs/prediction.md": (),
     "docs/pictures.md": ("patrol", "fine", "medium", "coarse"),
+    "docs/segments.md": (),
     "docs/view.md": ("walks",),
     "README.md": ("monday", "north", "south"),
 }

@@ -15,6 +15,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fuzz import mutations
 from fuzz.mutations import Mutation
 from gpszip.errors import GPSZipError
@@ -99,6 +101,19 @@ def _coreset(data: bytes) -> object:
 
     coreset = read_coreset(io.BytesIO(data))
     return coreset.rmse, coreset.eps(3), coreset.reduced(len(coreset.tracks))
+
+
+def _segments(data: bytes) -> object:
+    from gpszip import Track
+    from gpszip.io.segments import read_model
+    from gpszip.segmentation.markov import label_track
+
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+        path = Path(folder) / "model.json"
+        path.write_bytes(data)
+        model = read_model(str(path))
+    track = Track("a", [0.0, 1.0, 2.0], [[0.0] * model.dimension] * 3)
+    return label_track(model, track, np.zeros(1, np.int64)).cost
 
 
 def _times(data: bytes) -> object:
@@ -641,6 +656,28 @@ def _road_parquets() -> Sequence[bytes]:
 
 
 @cache
+def _models() -> Sequence[bytes]:
+    """What gpszip segments writes: a model in degrees, and one in metres."""
+    degrees = [[11.5, 48.1], [11.51, 48.1]]
+    models = [
+        ("[[48.1, 11.5]]", '["lat", "lon"]', [end[::-1] for end in degrees]),
+        ("null", '["x", "y"]', [[0.0, 0.0], [9.5, 1.25]]),
+    ]
+    return [
+        f"""{{"kind": "segment mean", "coordinates": {axes}, "planes": {planes}, "sigma": 0.5,
+"segments": [
+{{"segment": 0, "start": {ends[0]}, "end": {ends[1]}, "parts": 2, "begins": 1}},
+{{"segment": 1, "start": {ends[1]}, "end": {ends[0]}, "parts": 1, "begins": 0}}
+],
+"transitions": [
+{{"from": 0, "to": 1, "count": 1, "probability": 1.0}},
+{{"from": 1, "to": 0, "count": 1, "probability": 1.0}}
+]}}""".encode()
+        for planes, axes, ends in models
+    ]
+
+
+@cache
 def _coresets() -> Sequence[bytes]:
     from gpszip import Track, coreset
     from gpszip.io.coresets import write_coreset
@@ -745,6 +782,8 @@ def _archives() -> Sequence[bytes]:
         two_walks(timed=False),
         compress(track, max_error=0.5),
         compress(track, max_error=0.5, keep=("speed", "note"), layer="bz2"),
+        compress(track, max_error=0.5, keep_within={"speed": 0.5}),
+        compress(track, max_error=0.5, keep_within={"speed": 0.3048}),
     ]
     files = [archive.to_bytes() for archive in archives]
     return [*files, _with_sections(files[0])]
@@ -952,6 +991,7 @@ TARGETS = {
     ),
     "coreset": Target(_coreset, _coresets, mutations.BINARY),
     "coreset, table": Target(_coreset, _coresets, mutations.BINARY, _apply_to_table),
+    "segments": Target(_segments, _models),
     "times": Target(_times, _texts(TIMES)),
     "times in text": Target(_times_in_text, _texts(("10,20.5,2024-05-04T08:00:00Z",))),
     "walks, plain": Target(_plain_walks, _payloads, mutations.BINARY),

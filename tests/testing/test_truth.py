@@ -16,6 +16,7 @@ from gpszip.testing import (
     person,
     quadrotor,
     ring,
+    shuttles,
     taxis,
 )
 from gpszip.testing.roads import build_roads, drive
@@ -29,12 +30,13 @@ GENERATORS = {
     "person": lambda seed: person(21, seed=seed),
     "taxis": lambda seed: taxis(2, points=700, seed=seed),
     "fleet": lambda seed: fleet(4, lines=2, points=400, seed=seed),
+    "shuttles": lambda seed: shuttles(2, lines=2, days=1, blocks=4, period=60.0, seed=seed),
     "ring": lambda seed: ring(7, laps=5, samples=3, seed=seed, noise=1.0),
     "complete graph": lambda seed: complete_graph(7, steps=50, samples=3, seed=seed, noise=1.0),
 }
 
 #: Generators whose agents follow straight roads exactly.
-ON_ROADS = ("person", "taxis", "fleet", "ring", "complete graph")
+ON_ROADS = ("person", "taxis", "fleet", "shuttles", "ring", "complete graph")
 
 
 @pytest.fixture(params=GENERATORS)
@@ -196,6 +198,28 @@ def test_vehicles_of_a_line_share_its_roads():
     assert roads[0] & roads[1]
 
 
+def test_shuttles_stop_change_lines_and_are_slow_in_rush_hours():
+    log = shuttles(3, lines=3, days=2, blocks=6, period=60.0, seed=2)
+    for walk in log.walks:
+        # Stops last tens of seconds, and the night nearly half a day.
+        stays = walk.nodes[1:] == walk.nodes[:-1]
+        seconds = np.diff(walk.times)
+        assert np.quantile(seconds[stays], 0.9) < 120
+        assert (seconds > 10 * 3600).sum() == 1
+        # The same roads take longer at 8 h than at noon.
+        metres = np.linalg.norm(np.diff(log.road_map.nodes[walk.nodes], axis=0), axis=1)
+        hour = walk.times[:-1] // 3600 % 24
+        pace = [
+            (seconds[~stays & (hour == h)] / metres[~stays & (hour == h)]).mean() for h in (8, 12)
+        ]
+        assert 1.2 < pace[0] / pace[1] < 2.0
+    # Vehicles have lines of their own, and lines in common.
+    roads = [set(map(frozenset, traversals(walk))) for walk in log.walks]
+    for one in roads:
+        for other in roads:
+            assert len(one & other) > 0.5 * len(one)
+
+
 def waypoint_count(log):
     graph = build_road_graph(log.road_map.nodes, log.road_map.edges)
     return len(find_waypoints(graph, build_route(graph, log.walks[0].nodes)))
@@ -223,6 +247,7 @@ def test_a_complete_graph_needs_every_node():
         lambda: taxis(points=1),
         lambda: fleet(lines=0),
         lambda: fleet(blocks=0),
+        lambda: shuttles(days=0),
         lambda: ring(2),
         lambda: ring(laps=0),
         lambda: complete_graph(samples=0),
@@ -237,6 +262,7 @@ def test_sizes_below_the_least_are_refused(call):
 def test_smallest_logs_exist(seed):
     assert len(taxis(1, points=2, blocks=1, seed=seed)) == 2
     assert len(fleet(1, points=2, blocks=1, lines=1, seed=seed)) == 2
+    assert len(shuttles(1, lines=1, days=1, blocks=1, period=9999.0, seed=seed)) == 6
     assert len(person(1, seed=seed)) >= 1
     assert len(quadrotor(2, waypoints=3, seed=seed)) == 2
     assert len(ring(3, laps=1)) == 4

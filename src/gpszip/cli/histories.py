@@ -25,7 +25,14 @@ if TYPE_CHECKING:
     from gpszip.archive import Archive
     from gpszip.model import ReadResult
 
-__all__ = ["history_options", "log_options", "open_history", "outcome_of", "timezone_option"]
+__all__ = [
+    "history_options",
+    "log_options",
+    "open_history",
+    "outcome_of",
+    "reading_options",
+    "timezone_option",
+]
 
 #: Bytes by which an archive is known.
 _HEAD_BYTES = 8
@@ -51,13 +58,17 @@ def timezone_option(command: F) -> F:
 
 def history_options(command: F) -> F:
     """Add the options of reading an archive, or logs that are compressed on the way."""
-    return log_options(selection_options(command))
+    return map_option(log_options(command))
 
 
 def log_options(command: F) -> F:
-    """Add those options but the ones that select tracks, times and an area."""
+    """Add the options of reading logs, and parts of them."""
+    return reading_options(selection_options(command))
+
+
+def reading_options(command: F) -> F:
+    """Add the options of reading logs as a whole."""
     decorators: Sequence[Callable[[F], F]] = (
-        map_option,
         click.option("--clean", is_flag=True, help="Drop outliers of logs, as compress does."),
         time_order_options,
         skip_bad_logs,

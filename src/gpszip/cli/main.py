@@ -24,6 +24,7 @@ from gpszip.cli.streams import flush_stdout, open_standard_streams
 from gpszip.errors import BoundError, CorruptArchiveError, GPSZipError, MapError, OptionError
 from gpszip.files.os_errors import explain_os_error
 from gpszip.files.written import collect_outputs
+from gpszip.io.pandas_import import hide_pandas
 
 __all__ = ["ERROR_CODES", "ExitCode", "cli", "main", "run"]
 
@@ -50,14 +51,20 @@ _COMMANDS = (
     "map",
     "plot",
     "coreset",
+    "segments",
     "network",
     "match",
     "patch",
+    "trips",
     "usage",
     "route",
     "changes",
+    "predict",
+    "unusual",
     "merge",
     "view",
+    "listen",
+    "replay",
     "info",
     "verify",
     "diff",
@@ -154,9 +161,14 @@ def run() -> None:
     if not sys.warnoptions and "--debug" not in sys.argv:
         warnings.simplefilter("ignore")
 
+    # Arrow imports pandas, where it is installed, for its first scalar, which takes 0.3 s. Only
+    # packages that experiments compare need it.
+    settings = Settings.from_arguments(sys.argv[1:])
+    if settings.command != "experiment":
+        hide_pandas()
+
     # An output that can't be flushed is an error of a command that was done otherwise. An interrupt
     # before the command starts, or while its outcome is reported, is reported here.
-    settings = Settings.from_arguments(sys.argv[1:])
     with collect_outputs() as written:
         try:
             code = main(sys.argv[1:])

@@ -23,6 +23,7 @@ from gpszip.testing import (
     person,
     quadrotor,
     ring,
+    shuttles,
     taxis,
 )
 
@@ -44,6 +45,11 @@ _LOGS: tuple[tuple[str, str, Callable[[int], LogWithTruth]], ...] = (
     ("person", "a person's months with a phone", lambda seed: person(seed=seed)),
     ("taxis", "taxis in a city, about a sample a minute", lambda seed: taxis(seed=seed)),
     ("fleet", "a fleet on lines that share roads", lambda seed: fleet(seed=seed)),
+    (
+        "shuttles",
+        "shuttle buses on lines that share roads",
+        lambda seed: shuttles(4, days=1, seed=seed),
+    ),
     ("ring", "laps on a ring", lambda seed: ring(samples=4, noise=_NOISE, seed=seed)),
     (
         "complete-graph",

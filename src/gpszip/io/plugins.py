@@ -20,6 +20,7 @@ from importlib.metadata import entry_points
 from typing import Any, ParamSpec, TypeVar
 
 from gpszip.errors import GPSZipError, InputError
+from gpszip.io.pandas_import import show_pandas
 
 __all__ = ["Guard", "forget_plugins", "load_plugins"]
 
@@ -155,6 +156,7 @@ def _load_group(group: str) -> tuple[tuple[Any, str], ...]:
         distribution = entry_point.dist
         package = entry_point.module if distribution is None else distribution.name
         where = f"plugin {entry_point.name!r} of {package}"
+        show_pandas()  # a plugin may need it
 
         # A plugin may fail in any way when it is imported.
         try:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gpszip.model import Track, Walk
 
-__all__ = ["Roads", "build_roads", "drive", "positions_on", "record"]
+__all__ = ["Roads", "build_roads", "drive", "end_at", "positions_on", "record"]
 
 #: Share of the streets of the grid that a town lacks; the others still connect all crossings.
 _MISSING = 0.2
@@ -154,10 +154,10 @@ def drive(
 
     # An arrival without a wait is the departure, too.
     later = np.append(True, np.diff(times) > _MIN_WAIT)
-    return _end_at(name, nodes[later], times[later], until)
+    return end_at(name, nodes[later], times[later], until)
 
 
-def _end_at(name: str, nodes: Nodes, times: Floats, until: float) -> Walk:
+def end_at(name: str, nodes: Nodes, times: Floats, until: float) -> Walk:
     """Return a walk that is cut after the first node reached at a time, or waits until then."""
     if times[-1] < until:
         nodes, times = np.append(nodes, nodes[-1]), np.append(times, until + 1.0)
