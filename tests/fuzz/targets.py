@@ -917,6 +917,50 @@ def _apply_to_archive(seed: bytes, changes: Sequence[Mutation]) -> bytes:
     return archives.large([section for section in sections if len(section) > 8], third=seed[2])
 
 
+def _live_lines(data: bytes) -> object:
+    """Read lines as they come to a listener: CSV, JSON lines, NMEA or messages of apps."""
+    from gpszip.live.formats.text import TextParser
+    from gpszip.live.formats.values import Context
+    from gpszip.live.notices import Notices
+    from gpszip.live.screening import Screen
+
+    parser, context = TextParser("log"), Context(1.8e9, "fuzz")
+    found = [item for line in data.splitlines() for item in parser.push(line, context)]
+    screen = Screen(Notices(str))
+    return [screen.check(item) for item in found if hasattr(item, "position")]
+
+
+def _live_messages() -> list[bytes]:
+    """Messages of apps and of gpsd, one on each line."""
+    from gpszip.live.replay.messages import Sample, app_message
+
+    samples = [Sample("ann", 1.795e9 + t, 48.1 + t / 1e4, 11.5) for t in range(4)]
+    messages = [
+        app_message(app, samples[:1] if app != "overland" else samples).body or b""
+        for app in ("owntracks", "overland", "traccar")
+    ]
+    report = b'{"class":"TPV","device":"a","mode":3,"time":"2026-11-18T11:06:40Z","lat":1,"lon":2}'
+    return [b"\n".join([*messages, report])]
+
+
+def _segment(data: bytes) -> object:
+    """Read a segment of a journal."""
+    from gpszip.live.journal import read_segment
+
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+        path = Path(folder) / "1.log"
+        path.write_bytes(data)
+        return list(read_segment(path))
+
+
+def _segments() -> list[bytes]:
+    from gpszip.live.fix import Fix
+    from gpszip.live.journal import encode_record
+
+    fixes = [Fix("ann", "http", 1.795e9 + t, 1.795e9, (48.1, 11.5)) for t in range(4)]
+    return [b"gpszip journal 1\n" + b"".join(map(encode_record, fixes))]
+
+
 TARGETS = {
     "csv": Target(_log("csv"), _texts(CSV)),
     "csv, kept and cleaned": Target(
@@ -955,6 +999,10 @@ TARGETS = {
     "fit": Target(_log("fit", skip_bad=True, sort=True, keep=("hr",)), _fits, mutations.BINARY),
     "nmea": Target(_log("nmea", keep=("alt", "speed"), sort=True), _texts(NMEA)),
     "nmea, stored": Target(_stored(format="nmea", split=True), _texts(NMEA)),
+    "live lines": Target(_live_lines, _texts(CSV[:1])),
+    "live nmea": Target(_live_lines, _texts(NMEA)),
+    "live messages": Target(_live_lines, _live_messages),
+    "journal": Target(_segment, _segments),
     "owntracks": Target(_log("owntracks", keep=("speed",), sort=True), _texts(OWNTRACKS)),
     "igc": Target(_log("igc", keep=("alt", "fxa"), sort=True), _texts(IGC)),
     "plt": Target(_log("plt", keep=("alt",), sort=True), _texts(PLT)),

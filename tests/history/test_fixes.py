@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gpszip.history.fixes import choose_fixes
+from gpszip.history.fixes import Fixes, add_travel, choose_fixes
 
 
 def kept(times, positions, accuracy=None, **options):
@@ -43,7 +43,7 @@ def test_few_fixes_far_away_are_left_out():
 
     # five are too many, and so are two in ten minutes
     x = np.arange(20) % 2 * 3.0
-    x[5:10] = 900 + np.arange(5)
+    x[5:10] = 600 + np.arange(5)
     assert len(kept(10.0 * np.arange(20), np.stack([x, x], axis=1))) == 20
     x = np.arange(20) % 2 * 3.0
     x[5:7] = 900, 950
@@ -56,3 +56,27 @@ def test_errors_of_fixes_around_allow_for_steps():
     places, times = np.stack([x, 0 * x], axis=1), 60.0 * np.arange(9)
     assert len(kept(times, places, np.full(9, 95.0))) == 8
     assert len(kept(times, places, np.full(9, 200.0))) == 9
+
+
+def test_a_wrong_place_for_minutes_is_left_out_on_the_way_too():
+    times = 5.0 * np.arange(400)
+    rng = np.random.default_rng(1)
+    walk = np.stack([1.4 * times, rng.normal(0, 3, 400)], axis=1)
+    elsewhere = rng.normal((-1500.0, 800.0), 10, (400, 2))
+    wrong = (times > 300) & (times < 650)
+    assert kept(times, np.where(wrong[:, None], elsewhere, walk)) == times[~wrong].tolist()
+
+    # longer than a quarter of an hour, or up to the end, it may be the right place
+    for wrong in ((times > 300) & (times < 1300), times > 1500):
+        assert len(kept(times, np.where(wrong[:, None], elsewhere, walk))) == 400
+
+
+def test_travel_is_added_where_a_step_is_travel():
+    # a step to a place, a long stay, a jump, a slow change
+    times = np.array([0.0, 200.0, 5000.0, 5005.0, 9000.0])
+    x = np.array([0.0, 2000.0, 2010.0, 5000.0, 6000.0])
+    fixes = Fixes(times, x[:, None], np.full(5, 10.0))
+    filled = add_travel(fixes, 300.0)
+    assert filled.times.tolist() == [0, 50, 100, 150, 200, 5000, 5005, 9000]
+    assert filled.positions[:4, 0].tolist() == [0, 500, 1000, 1500]
+    assert len(add_travel(fixes, 0.0)) == 5

@@ -92,9 +92,7 @@ _DEFAULT_NAME = "log"
     is_flag=True,
     help="Append the journal to the archive, and end; no source is opened.",
 )
-@click.option(
-    "--rmse", type=LENGTH, metavar="LENGTH", help="RMSE of a new archive; by default estimated."
-)
+@click.option("--rmse", type=LENGTH, metavar="LENGTH", help="RMSE of a new archive.")
 @click.option(
     "--max-error",
     type=LENGTH,
@@ -181,7 +179,9 @@ def _check_archive(choices: dict[str, Any]) -> str | None:
                 raise click.UsageError(f"{name} needs --archive, the archive to append to")
         return None
     check_output(archive, force=True)
-    open_archives(archive)
+    is_bounded = choices["rmse"] is not None or choices["max_error"] is not None
+    if not open_archives(archive) and not is_bounded:
+        raise click.UsageError(f"{archive}: a new archive needs a bound; add one, as --rmse 5m")
     return archive
 
 

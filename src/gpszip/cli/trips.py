@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from datetime import tzinfo
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -191,26 +193,30 @@ def _find(
     reading: dict[str, Any],
 ) -> tuple[Trips, ReadResult | None]:
     """Open an archive or read logs, and find their trips."""
-    from gpszip.cli.archives import open_archive_file
+    from gpszip.cli.archives import explain_corruption, open_archive_bytes, read_archive_bytes
     from gpszip.errors import OptionError
     from gpszip.io.logs.read import read_logs
     from gpszip.pipeline.diff import holds_archive
     from gpszip.pipeline.trips import trips_of_archive, trips_of_log
 
-    # An archive alone.
-    archives = [name for name in sources if holds_archive(_head(name))]
+    # An archive alone; standard input is known by its content, too.
+    stdin = sys.stdin.buffer.read() if sources == ("-",) else b""
+    archives = [name for name in sources if holds_archive(stdin or _head(name))]
     if archives and len(sources) > 1:
         raise OptionError(
             f"{archives[0]} is an archive, and {len(sources)} files were named",
             remedy="name one archive, or logs; gpszip merge makes one archive of several",
         )
     if archives:
-        with open_archive_file(archives[0], map_name) as archive:
+        data = stdin or read_archive_bytes(archives[0])
+        with explain_corruption(archives[0], data):
+            archive = open_archive_bytes(archives[0], data, map_name)
             selected = select_from(archive, reading["selection"])
             return trips_of_archive(selected, options, timezone), None
 
     # Logs; phones send points late, so that their order is often not that of time.
-    read_result = read_logs(sources, accuracy=True, sort=True, **reading)
+    logs = [BytesIO(stdin)] if stdin else sources
+    read_result = read_logs(logs, accuracy=True, sort=True, **reading)
     return trips_of_log(read_result.tracks, options, timezone), read_result
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
 from gpszip.geo.planes import plane_changes
-from gpszip.history.fixes import DEFAULT_NOISE, MIN_NOISE, choose_fixes
+from gpszip.history.fixes import DEFAULT_NOISE, MIN_NOISE, add_travel, choose_fixes
 from gpszip.history.local_time import find_zone, hour_rows, zone_of_place
 from gpszip.history.measure import Travel, measure_travel
 from gpszip.history.places import group_stops
@@ -51,6 +51,8 @@ class TrackSamples:
         Errors that the log states, in metres; NaN or 0 where it states none.
     added_noise : float
         Error in metres that compression has added, at most or as a root mean square.
+    seen_travel : float
+        Seconds up to which a step is travel that was seen, as between the knots of an archive.
     """
 
     id: str
@@ -58,6 +60,7 @@ class TrackSamples:
     positions: Floats
     accuracy: Floats | None = None
     added_noise: float = 0.0
+    seen_travel: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +158,7 @@ def _read_history(track: TrackSamples, settings: Settings, places: Floats | None
     noise = math.hypot(min(DEFAULT_NOISE, _NOISE_SHARE * settings.radius), track.added_noise)
     least = math.hypot(min(MIN_NOISE, _NOISE_SHARE * settings.radius), track.added_noise)
     fixes = choose_fixes(track.times, track.positions, track.accuracy, noise=noise, min_noise=least)
-    line = build_timeline(fixes, settings, places)
+    line = build_timeline(add_travel(fixes, track.seen_travel), settings, places)
     moves = [
         (move, measure_travel(line.fixes, move.start, move.end, move.begin, move.finish))
         for move in line.moves

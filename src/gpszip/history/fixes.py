@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +15,16 @@ from gpszip.geo.outliers import (
     min_adjacent_speeds,
 )
 
-__all__ = ["DEFAULT_NOISE", "MAX_SPEED", "MIN_NOISE", "Fixes", "choose_fixes", "lengths"]
+__all__ = [
+    "DEFAULT_NOISE",
+    "MAX_ACCELERATION",
+    "MAX_SPEED",
+    "MIN_NOISE",
+    "Fixes",
+    "add_travel",
+    "choose_fixes",
+    "lengths",
+]
 
 #: Metres per second that no traveller on the ground exceeds: fast trains travel at up to 97 m/s. A
 #: step that is faster is an error of the receiver, or a flight.
@@ -51,6 +61,19 @@ _EXCURSIONS = ((1, 900.0), (2, 300.0), (3, 300.0), (4, 300.0))
 #: The ways there and back are longer than this factor times the step that skips these fixes, or
 #: than the errors of the fixes around.
 _EXCURSION_RATIO = 4.0
+
+#: Seconds of the longest run of fixes at a wrong place that is left out.
+_MAX_ISLAND = 900.0
+
+#: Metres per second squared by which travellers speed up and slow down at most, on average over a
+#: way from rest to rest: buses and trains at about 1.
+MAX_ACCELERATION = 1.0
+
+#: Metres of a step from which positions are added on its way.
+_MIN_TRAVEL = 50.0
+
+#: Shares of a step at which they are added.
+_QUARTERS = np.array([0.25, 0.5, 0.75])
 
 #: Fixes at exactly one position that are taken for one that a receiver repeats without a new one,
 #: if a step at an impossible speed follows.
@@ -99,7 +122,7 @@ def choose_fixes(
     1. A fix has the error that it states. One without, or with an error of 0, which phones write
        where they don't know, has a common one.
     2. Fixes with an error of more than 100 m are left out where much better ones are around.
-    3. Outliers, which jump away and back, are left out.
+    3. Outliers, which jump away and back, are left out, also if they last for minutes.
     4. Positions that a receiver repeats while it travels on are left out: those before a step at
        an impossible speed.
 
@@ -136,7 +159,38 @@ def choose_fixes(
     # Fixes that tell nothing.
     fixes = fixes.take(~_is_poor(fixes))
     fixes = _drop_excursions(fixes.take(~_is_outlier(fixes)))
+    fixes = _drop_islands(fixes)
     return fixes.take(~_is_repeated(fixes))
+
+
+def add_travel(fixes: Fixes, longest: float) -> Fixes:
+    """Add positions on the way of steps that are travel, though they are single steps.
+
+    A trip along one straight line at one speed has no knot on its way in an archive.
+
+    Parameters
+    ----------
+    fixes : Fixes
+        Knots, between which the track is linear in time.
+    longest : float
+        Seconds; longer steps stay as they are.
+
+    Examples
+    --------
+    >>> fixes = Fixes(np.array([0.0, 60.0]), np.array([[0.0], [400.0]]), np.array([5.0, 5.0]))
+    >>> add_travel(fixes, 300.0).positions[:, 0].tolist()
+    [0.0, 100.0, 200.0, 300.0, 400.0]
+    """
+    # Steps that lead away, and not faster than from rest to rest.
+    durations, ways = np.diff(fixes.times), lengths(np.diff(fixes.positions, axis=0))
+    is_travel = (ways > _MIN_TRAVEL) & (durations <= longest)
+    rows = np.flatnonzero(is_travel & (durations**2 > 4 * ways / MAX_ACCELERATION))
+
+    # Positions at their quarters.
+    inner = fixes.times[rows][:, None] + durations[rows][:, None] * _QUARTERS
+    times = np.union1d(fixes.times, inner)
+    line = [np.interp(times, fixes.times, axis) for axis in fixes.positions.T]
+    return Fixes(times, np.stack(line, axis=1), np.interp(times, fixes.times, fixes.noise))
 
 
 def _is_poor(fixes: Fixes) -> Bools:
@@ -200,6 +254,25 @@ def lengths(differences: Floats) -> Floats:
     # Several times as fast as a sum over the short axis.
     found: Floats = np.sqrt(np.einsum("ij,ij->i", differences, differences))
     return found
+
+
+def _drop_islands(fixes: Fixes) -> Fixes:
+    """Leave out runs of fixes to which a track jumps, and from which it jumps, for minutes.
+
+    Its way without them is possible: a wrong place that lasts, as in a tunnel.
+    """
+    if len(fixes) < 3:
+        return fixes
+    ways = lengths(np.diff(fixes.positions, axis=0)) - fixes.noise[1:] - fixes.noise[:-1]
+    jumps = np.flatnonzero(ways > MAX_SPEED * np.diff(fixes.times))
+    kept, last = np.ones(len(fixes), np.bool_), -1
+    for before, end in pairwise(jumps.tolist()):
+        # Between two jumps, unless the first one ends a run that is left out.
+        duration = float(fixes.times[end + 1] - fixes.times[before])
+        way = float(np.linalg.norm(fixes.positions[end + 1] - fixes.positions[before]))
+        if before > last and duration <= _MAX_ISLAND and way <= MAX_SPEED * duration:
+            kept[before + 1 : end + 1], last = False, end
+    return fixes.take(kept)
 
 
 def _is_outlier(fixes: Fixes) -> Bools:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.history.fixes import MAX_SPEED, Fixes, lengths
+from gpszip.history.fixes import MAX_ACCELERATION, MAX_SPEED, Fixes, lengths
 from gpszip.history.values import Halt
 
 __all__ = [
@@ -37,10 +37,6 @@ _WALKING_SPEED = 1.3
 #: Metres of straight lines, and the speeds in m/s at which ways of up to this length are travelled
 #: with waits: on foot, through a town by car, bicycle or bus, and by motorway or train.
 _USUAL_SPEEDS = ((1000.0, _WALKING_SPEED), (30_000.0, 8.0), (math.inf, 25.0))
-
-#: Metres per second squared by which travellers speed up and slow down at most, on average over a
-#: way from rest to rest: buses and trains at about 1.
-_MAX_ACCELERATION = 1.0
 
 #: A gap is travel if a way of its displacement takes this share of it or more.
 TRAVEL_SHARE = 0.5
@@ -76,7 +72,7 @@ def is_jump(fixes: Fixes, one: Halt, other: Halt) -> bool:
     duration = float(fixes.times[other.first] - fixes.times[one.last])
     noise = float(fixes.noise[one.last] + fixes.noise[other.first])
     way = distance(fixes.positions[one.last], fixes.positions[other.first]) - noise
-    return way > 0 and duration < max(2 * math.sqrt(way / _MAX_ACCELERATION), way / MAX_SPEED)
+    return way > 0 and duration < max(2 * math.sqrt(way / MAX_ACCELERATION), way / MAX_SPEED)
 
 
 def fills(fixes: Fixes, one: Halt, other: Halt) -> bool:

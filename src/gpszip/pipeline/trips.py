@@ -19,6 +19,11 @@ from gpszip.model.trips import Trips
 
 __all__ = ["places_of_archive", "trips_of_archive", "trips_of_log"]
 
+#: Seconds, and samples, in which a segment between knots is travel that was seen: a longer one may
+#: bridge a gap that was too short to be one.
+_SEEN_TRAVEL = 300.0
+_SEEN_SAMPLES = 20.0
+
 #: Attribute under which logs are read with the errors that they state.
 _ACCURACY = "accuracy"
 
@@ -120,4 +125,5 @@ class _ArchiveTracks:
                 continue
             times = np.concatenate([piece.times for piece in pieces])
             positions = np.concatenate([piece.positions for piece in pieces])
-            yield TrackSamples(id, times, positions, None, self.error)
+            travel = max(_SEEN_TRAVEL, _SEEN_SAMPLES * (self.archive.sampling or 0.0))
+            yield TrackSamples(id, times, positions, None, self.error, travel)

@@ -80,6 +80,8 @@ class _FileSource:
         """Store all fixes."""
         lines = read_descriptor_lines(self._descriptor)
         await store_lines(lines, NmeaParser(self._name), receiver, _context)
+        # A file that is still read can't be closed: another one might get its number.
+        os.close(self._descriptor)
 
 
 class _TcpSource:

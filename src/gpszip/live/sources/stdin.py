@@ -6,7 +6,6 @@ import asyncio
 import os
 import threading
 from collections.abc import AsyncIterator, Mapping
-from concurrent.futures import CancelledError
 from datetime import UTC, tzinfo
 
 from gpszip.live.formats.text import TextParser
@@ -67,18 +66,20 @@ async def read_descriptor_lines(descriptor: int) -> AsyncIterator[list[bytes]]:
     # A thread of its own reads: files can't be waited for in the event loop, and a thread of the
     # pool would keep the program from ending.
     loop = asyncio.get_running_loop()
-    queue: asyncio.Queue[bytes] = asyncio.Queue(_QUEUE_CHUNKS)
+    queue: asyncio.Queue[bytes] = asyncio.Queue()
+    space = threading.Semaphore(_QUEUE_CHUNKS)
 
     def read() -> None:
         chunk = b"?"
         while chunk:
+            space.acquire()
             try:
                 chunk = os.read(descriptor, 1 << 16)
             except OSError:  # a terminal that is gone
                 chunk = b""
             try:
-                asyncio.run_coroutine_threadsafe(queue.put(chunk), loop).result()
-            except (RuntimeError, CancelledError):  # the loop has ended
+                loop.call_soon_threadsafe(queue.put_nowait, chunk)
+            except RuntimeError:  # the loop has ended
                 return
 
     threading.Thread(target=read, daemon=True).start()
@@ -90,6 +91,7 @@ async def read_descriptor_lines(descriptor: int) -> AsyncIterator[list[bytes]]:
         except TimeoutError:
             yield []
             continue
+        space.release()
         if not chunk:
             break
         *lines, rest = (rest + chunk).split(b"\n")
