@@ -43,7 +43,7 @@ PAGES = {
     "docs/notebooks.md": ("monday", "tuesday", "fleet"),
     "docs/qgis.md": ("fleet",),
     "docs/known-maps.md": (),
-    "docs/history.md": ("fleet", "night"),
+    "docs/history.md": ("fleet", "night", "monday", "tuesday"),
     "docs/map.md": ("fleet",),
     "docs/coreset.md": (),
     "docs/generators.md": (),

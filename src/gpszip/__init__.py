@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gpszip.api import (
         append,
+        changes,
         compress,
         coreset,
         decompress,
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
     )
     from gpszip.history.agents import AgentSpeed
     from gpszip.history.calendar import Calendar
+    from gpszip.history.changes import Change, Changes
     from gpszip.history.predictor import Predictor
     from gpszip.history.routes import PlannedRoute
     from gpszip.history.transitions import EdgeTransitions, RouteLikelihood
@@ -124,6 +126,8 @@ __all__ = [
     "BoundError",
     "Break",
     "Calendar",
+    "Change",
+    "Changes",
     "CleanMap",
     "Coreset",
     "CoresetStream",
@@ -213,6 +217,7 @@ __all__ = [
     "best_line",
     "build_sketch",
     "build_walk",
+    "changes",
     "compress",
     "coreset",
     "decompress",
@@ -274,6 +279,7 @@ _HOMES = {
     ),
     "gpszip.api": (
         "append",
+        "changes",
         "compress",
         "coreset",
         "decompress",
@@ -318,6 +324,10 @@ _HOMES = {
     ),
     "gpszip.history.agents": ("AgentSpeed",),
     "gpszip.history.calendar": ("Calendar",),
+    "gpszip.history.changes": (
+        "Change",
+        "Changes",
+    ),
     "gpszip.history.predictor": ("Predictor",),
     "gpszip.history.routes": ("PlannedRoute",),
     "gpszip.history.transitions": (

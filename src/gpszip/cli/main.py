@@ -59,6 +59,7 @@ _COMMANDS = (
     "usage",
     "route",
     "rounds",
+    "changes",
     "predict",
     "unusual",
     "merge",
