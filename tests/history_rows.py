@@ -4,6 +4,7 @@ import numpy as np
 
 from gpszip.history.traversals import Traversals
 from gpszip.model import Network
+from gpszip.testing import LogWithTruth
 
 
 def street(edges: int = 2) -> Network:
@@ -31,4 +32,36 @@ def drives(rows: list[tuple[int, int, bool, float, float]]) -> Traversals:
         np.where(forward, 100.0, 0.0),
         np.zeros(len(rows)),
         starts,
+    )
+
+
+def true_traversals(log: LogWithTruth) -> Traversals:
+    """Traversals of a generated log's roads, as its walks tell them."""
+    number = {
+        tuple(ends): (i, way)
+        for i, pair in enumerate(log.road_map.edges.tolist())
+        for ends, way in ((pair, True), (pair[::-1], False))
+    }
+    rows, starts = [], []
+    for track, walk in enumerate(log.walks):
+        steps = zip(walk.nodes[:-1], walk.nodes[1:], walk.times[:-1], walk.times[1:], strict=True)
+        begun = False
+        for before, after, enter, leave in steps:
+            if before != after and enter < log.tracks[track].times[-1]:
+                rows.append((track, *number[int(before), int(after)], enter, leave))
+                starts.append(not begun)
+                begun = True
+    track, edge, forward, enter, leave = map(np.array, zip(*rows, strict=True))
+    length = log.network.lengths[edge]
+    return Traversals(
+        tuple(each.id for each in log.tracks),
+        track.astype(np.int32),
+        edge,
+        forward,
+        enter,
+        leave,
+        np.where(forward, 0.0, length),
+        np.where(forward, length, 0.0),
+        np.zeros(len(edge)),
+        np.array(starts),
     )

@@ -42,7 +42,7 @@ PAGES = {
     "docs/notebooks.md": ("monday", "tuesday", "fleet"),
     "docs/qgis.md": ("fleet",),
     "docs/known-maps.md": (),
-    "docs/history.md": ("fleet",),
+    "docs/history.md": ("fleet", "monday", "tuesday"),
     "docs/map.md": ("fleet",),
     "docs/coreset.md": (),
     "docs/generators.md": (),

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gpszip.api import (
         append,
+        changes,
         compress,
         coreset,
         decompress,
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
     )
     from gpszip.history.agents import AgentSpeed
     from gpszip.history.calendar import Calendar
+    from gpszip.history.changes import Change, Changes
     from gpszip.history.markov import Likelihood, MarkovModel
     from gpszip.history.predictor import Predictor
     from gpszip.history.routes import PlannedRoute
@@ -104,6 +106,8 @@ __all__ = [
     "BoundError",
     "Break",
     "Calendar",
+    "Change",
+    "Changes",
     "CleanMap",
     "Coreset",
     "CoresetStream",
@@ -177,6 +181,7 @@ __all__ = [
     "WorkerError",
     "__version__",
     "append",
+    "changes",
     "compress",
     "coreset",
     "decompress",
@@ -203,6 +208,7 @@ __all__ = [
 _HOMES = {
     "gpszip.api": (
         "append",
+        "changes",
         "compress",
         "coreset",
         "decompress",
@@ -243,6 +249,10 @@ _HOMES = {
     ),
     "gpszip.history.agents": ("AgentSpeed",),
     "gpszip.history.calendar": ("Calendar",),
+    "gpszip.history.changes": (
+        "Change",
+        "Changes",
+    ),
     "gpszip.history.markov": (
         "Likelihood",
         "MarkovModel",

@@ -28,6 +28,7 @@ from gpszip.run.executor import Executor
 
 if TYPE_CHECKING:
     from gpszip.container.contents import Section
+    from gpszip.history.changes import Changes
     from gpszip.history.routes import PlannedRoute
     from gpszip.history.usage import Usage
     from gpszip.io.frames.source import FrameSource
@@ -42,6 +43,7 @@ __all__ = [
     "LogSource",
     "Logs",
     "append",
+    "changes",
     "compress",
     "coreset",
     "decompress",
@@ -755,6 +757,73 @@ def route(
         timezone=timezone,
     )
     return plan.routes
+
+
+def changes(
+    old: Archive | Logs,
+    new: Archive | Logs | None = None,
+    *,
+    since: Times | None = None,
+    false_alarms: float = 0.1,
+    threshold: float | None = None,
+    kinds: Sequence[str] = (
+        "closed",
+        "reopened",
+        "new",
+        "moved",
+        "slower",
+        "faster",
+        "one-way",
+    ),
+) -> Changes:
+    """Find closed, reopened, new, moved, slower, faster and one-way edges.
+
+    Parameters
+    ----------
+    old : Archive, path, Track, or sequence of Track or path
+        As for :func:`usage`.
+    new : Archive, path, Track, or sequence of Track or path, optional
+        What is compared with it, on a map learned from both.
+    since : time, optional
+        Instead: the time from which on ``old`` is compared with the time before, as for
+        :meth:`Archive.position`.
+    false_alarms : float, default 0.1
+        False alarms of closures a day that the threshold of evidence is chosen for, by watching a
+        part of the time before with what was learnt from another.
+    threshold : float, optional
+        Nats of evidence, instead.
+    kinds : sequence of str
+        Kinds to look for; by default all.
+
+    Returns
+    -------
+    Changes
+        Each change has its kind, edge and direction, time, evidence and delay.
+
+    Raises
+    ------
+    InputError, CorruptArchiveError
+        If a file can't be read, or nothing moves in it.
+    OptionError
+        If tracks have no times, or nothing was travelled before or after.
+
+    Examples
+    --------
+    >>> from gpszip.testing import close_road, fleet
+    >>> log = close_road(fleet(3, lines=1, points=900, blocks=3, seed=2), 7, since=2500.0)
+    >>> changes(compress(log.tracks, rmse=6, effort=1), since=2500.0).since >= 2500.0
+    True
+    """
+    from gpszip.pipeline.changes import changes as changes_of_archives
+
+    return changes_of_archives(
+        _history_of(old),
+        None if new is None else _history_of(new),
+        since=since,
+        false_alarms=false_alarms,
+        threshold=threshold,
+        kinds=kinds,
+    )
 
 
 def unusual(log: Logs, archive: Archive | str | os.PathLike[str]) -> Unusual:

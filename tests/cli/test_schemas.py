@@ -65,6 +65,7 @@ COMMANDS = [
     "diff walk.gpsz walk.csv",
     "diff walk.gpsz two.gpsz",
     "usage walk.gpsz --by none",
+    "changes walk.gpsz walk.csv",
     "route walk.gpsz 1,1 20,1 -o out.geojson",
     "usage walk.csv --likelihood walk.csv --by hour -o out.csv",
     "predict walk.gpsz",

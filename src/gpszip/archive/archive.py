@@ -299,6 +299,11 @@ class Archive(ArchiveFrames):
         return self._trimmed[0]
 
     @property
+    def trimmed_walks(self) -> tuple[Walk, ...]:
+        """Walks over the nodes of :attr:`trimmed_map`."""
+        return self._trimmed[1]
+
+    @property
     def off_map_lines(self) -> list[NDArray[np.float64]]:
         """Lines off the known map, in metres: float64 arrays of shape (n, d)."""
         if self._prior is None:

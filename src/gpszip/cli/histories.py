@@ -25,13 +25,23 @@ if TYPE_CHECKING:
     from gpszip.archive import Archive
     from gpszip.model import ReadResult
 
-__all__ = ["history_options", "log_options", "open_history", "outcome_of", "timezone_option"]
+__all__ = [
+    "history_options",
+    "log_options",
+    "open_history",
+    "outcome_of",
+    "reading_options",
+    "timezone_option",
+]
 
 #: Bytes by which an archive is known.
 _HEAD_BYTES = 8
 
 #: Effort of compressing a log on the way.
 _EFFORT = 1
+
+#: Values of the options of a selection that selects everything.
+_NO_SELECTION: dict[str, Any] = {"tracks": (), "since": None, "until": None, "bbox": None}
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -48,11 +58,16 @@ def timezone_option(command: F) -> F:
 
 def history_options(command: F) -> F:
     """Add the options of reading an archive, or logs that are compressed on the way."""
-    return map_option(log_options(command))
+    return log_options(selection_options(command))
 
 
 def log_options(command: F) -> F:
-    """Add the options of reading logs."""
+    """Add those options but the ones that select tracks, times and an area."""
+    return map_option(reading_options(command))
+
+
+def reading_options(command: F) -> F:
+    """Add those options but the map of the archive, too: those of reading logs."""
     decorators: Sequence[Callable[[F], F]] = (
         click.option("--clean", is_flag=True, help="Drop outliers of logs, as compress does."),
         time_order_options,
@@ -61,7 +76,6 @@ def log_options(command: F) -> F:
             "--columns", metavar="ROLES", help="Which column of logs is what: t=when,x=east."
         ),
         time_options,
-        selection_options,
         robot_options,
         click.option(
             "--format",
@@ -102,8 +116,9 @@ def open_history(
     from gpszip.errors import OptionError
     from gpszip.pipeline.diff import holds_archive
 
-    # An archive alone.
-    selection = pop_selection(reading)
+    # An archive alone. A command without a selection takes all of it.
+    selection = pop_selection({**_NO_SELECTION, **reading})
+    reading = {name: value for name, value in reading.items() if name not in _NO_SELECTION}
     stdin = sys.stdin.buffer.read() if "-" in names else b""
     archives = [name for name in names if holds_archive(stdin if name == "-" else _head(name))]
     if archives and len(names) > 1:

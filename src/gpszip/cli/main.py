@@ -58,6 +58,7 @@ _COMMANDS = (
     "route",
     "predict",
     "unusual",
+    "changes",
     "merge",
     "view",
     "info",

@@ -391,6 +391,37 @@ _PLAN: Fields = {
     "read": _USAGE["read"],
 }
 
+#: What gpszip changes says.
+_CHANGES: Fields = {
+    "since": "number: first time after, in seconds",
+    "days": "number: days after",
+    "threshold": "number: nats of evidence for a closure",
+    "false_alarms": "number: false alarms a day that it was chosen for",
+    "changes": _list(
+        _object(
+            {
+                "kind": "string: closed, reopened, new, moved, slower, faster or one-way",
+                "edge": "integer: edge of the clean map",
+                "forward": "boolean: direction concerned, from the start of the edge to its end",
+                "since": "number: when it was first seen, in seconds",
+                "detected": "number: when the evidence sufficed",
+                "delay": "number: seconds from one to the other",
+                "evidence": "number: nats",
+                "agents": "integer: missed passages, passages, or observations of a speed",
+                "factor": "number|null: travel time now over that before",
+                "other": "integer: new edge of a moved one; else -1",
+            }
+        ),
+        "by kind and time",
+    ),
+    "output": "string|null: the table",
+    "read": {
+        "type": "array",
+        "items": {"anyOf": [_object(_READ), {"type": "null"}]},
+        "description": "what reading OLD and NEW lost and repaired; null for an archive",
+    },
+}
+
 #: What gpszip diff says of one track.
 _TRACK_DIFFERENCE: Fields = {
     "id": "string: the track",
@@ -598,6 +629,7 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "route": (_PLAN, {}),
     "predict": (_PREDICT, {}),
     "unusual": (_UNUSUAL, {}),
+    "changes": (_CHANGES, {}),
     "diff": (
         {
             "a": "string: the first file",

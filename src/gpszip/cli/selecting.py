@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from gpszip.archive import Archive
     from gpszip.model.selection import Selection
 
-__all__ = ["pop_selection", "select_from", "selection_options"]
+__all__ = ["TIME", "pop_selection", "select_from", "selection_options"]
 
 #: Years that dates of logs may have.
 _FIRST_YEAR = 1900
@@ -66,6 +66,10 @@ def _date_of_digits(text: str) -> str | None:
         return None
 
 
+#: The type of options that take a time.
+TIME = _TimeType()
+
+
 class _BoxType(click.ParamType):  # type: ignore[type-arg, unused-ignore]
     """Four numbers separated by commas."""
 
@@ -102,11 +106,11 @@ def selection_options(command: F) -> F:
         ),
         click.option(
             "--since",
-            type=_TimeType(),
+            type=TIME,
             metavar="TIME",
             help="Only from this time on: a date, or seconds as the log counts them.",
         ),
-        click.option("--until", type=_TimeType(), metavar="TIME", help="Only up to this time."),
+        click.option("--until", type=TIME, metavar="TIME", help="Only up to this time."),
         click.option("--bbox", type=_BoxType(), metavar="WEST,SOUTH,EAST,NORTH", help=bbox),
     )
 

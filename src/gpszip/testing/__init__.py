@@ -1,5 +1,6 @@
 """Synthetic logs and hypothesis strategies, for tests of GPSZip and of software that uses it."""
 
+from gpszip.testing.changes import close_road, slow_road
 from gpszip.testing.city import city, drives
 from gpszip.testing.graphs import complete_graph, ring
 from gpszip.testing.log_with_truth import LogWithTruth
@@ -12,6 +13,7 @@ from gpszip.testing.taxis import fleet, taxis
 __all__ = [
     "LogWithTruth",
     "city",
+    "close_road",
     "complete_graph",
     "drives",
     "fleet",
@@ -21,5 +23,6 @@ __all__ = [
     "quadrotor",
     "ring",
     "shuttles",
+    "slow_road",
     "taxis",
 ]
