@@ -21,6 +21,8 @@ if TYPE_CHECKING:
         decompress,
         diff,
         join,
+        log_likelihood,
+        markov_model,
         match,
         merge,
         open,
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
         route,
         save_coreset,
         segment_mean,
+        trips,
         unusual,
         usage,
     )
@@ -54,18 +57,21 @@ if TYPE_CHECKING:
     from gpszip.history.agents import AgentSpeed
     from gpszip.history.calendar import Calendar
     from gpszip.history.changes import Change, Changes
-    from gpszip.history.markov import Likelihood, MarkovModel
     from gpszip.history.predictor import Predictor
     from gpszip.history.routes import PlannedRoute
-    from gpszip.history.travel_time import Arrival
+    from gpszip.history.transitions import EdgeTransitions, RouteLikelihood
+    from gpszip.history.travel_time import TravelTime
     from gpszip.history.traversals import Traversals
     from gpszip.history.usage import Usage
+    from gpszip.mapping.segment_map import SegmentMap, build_walk, make_map
     from gpszip.matching.live import FinalisedPosition, LivePosition
     from gpszip.model import (
         CleanMap,
         DirectedEdges,
         LeftOut,
+        Likelihood,
         Listener,
+        MarkovModel,
         Network,
         Patch,
         Patching,
@@ -77,6 +83,7 @@ if TYPE_CHECKING:
         Report,
         RoadMap,
         SegmentMean,
+        Sketch,
         Track,
         Walk,
     )
@@ -86,12 +93,24 @@ if TYPE_CHECKING:
     from gpszip.model.merge_report import Deviation, MergeReport
     from gpszip.model.prediction import LikelyNode, LikelyRoute, NextRoad, TripArrival
     from gpszip.model.read_result import Loss, OtherFiles
+    from gpszip.model.trips import Place, Stay, Trip, Trips
     from gpszip.model.unusual import Anomaly, Unusual, UnusualTrip
     from gpszip.pipeline.live import Matcher
+    from gpszip.pipeline.waypoints import expand_waypoints, find_waypoints
     from gpszip.run import Dask, Processes, Serial, Threads
     from gpszip.run.executor import Executor, SharedValue
+    from gpszip.segmentation.two_segment_mean import TwoSegmentMean, two_segment_mean
     from gpszip.sketches.coreset import Coreset, Cost
     from gpszip.sketches.pieces import PiecewiseLinear, polyline
+    from gpszip.sketches.sketch import (
+        best_line,
+        build_sketch,
+        delete_sample,
+        insert_sample,
+        line_cost,
+        line_costs,
+        merge_sketches,
+    )
     from gpszip.sketches.stream import CoresetStream
     from gpszip.view.plot import plot
     from gpszip.view.write import write_page
@@ -102,7 +121,6 @@ __all__ = [
     "AgentSpeed",
     "Anomaly",
     "Archive",
-    "Arrival",
     "BoundError",
     "Break",
     "Calendar",
@@ -118,6 +136,7 @@ __all__ = [
     "Difference",
     "DirectedEdges",
     "Distances",
+    "EdgeTransitions",
     "ErrorBound",
     "Executor",
     "FarPlace",
@@ -149,6 +168,7 @@ __all__ = [
     "Patching",
     "Piece",
     "PiecewiseLinear",
+    "Place",
     "Plane",
     "PlannedRoute",
     "Predictor",
@@ -160,17 +180,25 @@ __all__ = [
     "Report",
     "RoadMap",
     "Route",
+    "RouteLikelihood",
     "Scales",
+    "SegmentMap",
     "SegmentMean",
     "Serial",
     "SharedValue",
+    "Sketch",
+    "Stay",
     "Threads",
     "Track",
     "TrackDifference",
     "TrackError",
     "TrackView",
+    "TravelTime",
     "Traversals",
+    "Trip",
     "TripArrival",
+    "Trips",
+    "TwoSegmentMean",
     "UnknownFormatError",
     "UnknownTrackError",
     "Unusual",
@@ -181,14 +209,27 @@ __all__ = [
     "WorkerError",
     "__version__",
     "append",
+    "best_line",
+    "build_sketch",
+    "build_walk",
     "changes",
     "compress",
     "coreset",
     "decompress",
+    "delete_sample",
     "diff",
+    "expand_waypoints",
+    "find_waypoints",
+    "insert_sample",
     "join",
+    "line_cost",
+    "line_costs",
+    "log_likelihood",
+    "make_map",
+    "markov_model",
     "match",
     "merge",
+    "merge_sketches",
     "open",
     "open_coreset",
     "patch",
@@ -198,6 +239,8 @@ __all__ = [
     "route",
     "save_coreset",
     "segment_mean",
+    "trips",
+    "two_segment_mean",
     "unusual",
     "usage",
     "write_page",
@@ -206,6 +249,28 @@ __all__ = [
 #: Module of each public name, which is imported when the name is first used: importing gpszip, and
 #: ``gpszip --help``, need none of them.
 _HOMES = {
+    "gpszip.mapping.segment_map": (
+        "SegmentMap",
+        "build_walk",
+        "make_map",
+    ),
+    "gpszip.pipeline.waypoints": (
+        "expand_waypoints",
+        "find_waypoints",
+    ),
+    "gpszip.segmentation.two_segment_mean": (
+        "TwoSegmentMean",
+        "two_segment_mean",
+    ),
+    "gpszip.sketches.sketch": (
+        "best_line",
+        "build_sketch",
+        "delete_sample",
+        "insert_sample",
+        "line_cost",
+        "line_costs",
+        "merge_sketches",
+    ),
     "gpszip.api": (
         "append",
         "changes",
@@ -214,6 +279,8 @@ _HOMES = {
         "decompress",
         "diff",
         "join",
+        "log_likelihood",
+        "markov_model",
         "match",
         "merge",
         "open",
@@ -223,6 +290,7 @@ _HOMES = {
         "route",
         "save_coreset",
         "segment_mean",
+        "trips",
         "unusual",
         "usage",
     ),
@@ -253,13 +321,13 @@ _HOMES = {
         "Change",
         "Changes",
     ),
-    "gpszip.history.markov": (
-        "Likelihood",
-        "MarkovModel",
-    ),
     "gpszip.history.predictor": ("Predictor",),
     "gpszip.history.routes": ("PlannedRoute",),
-    "gpszip.history.travel_time": ("Arrival",),
+    "gpszip.history.transitions": (
+        "EdgeTransitions",
+        "RouteLikelihood",
+    ),
+    "gpszip.history.travel_time": ("TravelTime",),
     "gpszip.history.traversals": ("Traversals",),
     "gpszip.history.usage": ("Usage",),
     "gpszip.matching.live": (
@@ -270,7 +338,9 @@ _HOMES = {
         "CleanMap",
         "DirectedEdges",
         "LeftOut",
+        "Likelihood",
         "Listener",
+        "MarkovModel",
         "Network",
         "Patch",
         "Patching",
@@ -282,6 +352,7 @@ _HOMES = {
         "Report",
         "RoadMap",
         "SegmentMean",
+        "Sketch",
         "Track",
         "Walk",
     ),
@@ -311,6 +382,12 @@ _HOMES = {
         "TripArrival",
     ),
     "gpszip.model.read_result": ("Loss", "OtherFiles"),
+    "gpszip.model.trips": (
+        "Place",
+        "Stay",
+        "Trip",
+        "Trips",
+    ),
     "gpszip.model.unusual": (
         "Anomaly",
         "Unusual",

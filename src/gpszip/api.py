@@ -5,6 +5,7 @@ Each function here is one call into :mod:`gpszip.pipeline`, or into the package 
 
 from __future__ import annotations
 
+import math
 import os
 import pathlib
 import sys
@@ -20,7 +21,17 @@ from numpy.typing import NDArray
 from gpszip.archive import Archive, ArchiveSource, open_archive
 from gpszip.errors import LossWarning, OptionError
 from gpszip.io.frames.recognise import is_frame
-from gpszip.model import Listener, Network, Options, Plane, ReadResult, SegmentMean, Track
+from gpszip.model import (
+    Likelihood,
+    Listener,
+    MarkovModel,
+    Network,
+    Options,
+    Plane,
+    ReadResult,
+    SegmentMean,
+    Track,
+)
 from gpszip.model.log import Log, MemoryLog
 from gpszip.model.selection import make_selection
 from gpszip.model.timestamps import Times
@@ -35,9 +46,11 @@ if TYPE_CHECKING:
     from gpszip.model.difference import Difference
     from gpszip.model.match import Matching
     from gpszip.model.patching import Patching
+    from gpszip.model.trips import Trips
     from gpszip.model.unusual import Unusual
     from gpszip.pipeline.diff import Side
     from gpszip.sketches.coreset import Coreset
+    from gpszip.sketches.stream import CoresetStream
 
 __all__ = [
     "LogSource",
@@ -49,6 +62,8 @@ __all__ = [
     "decompress",
     "diff",
     "join",
+    "log_likelihood",
+    "markov_model",
     "match",
     "merge",
     "open",
@@ -58,6 +73,7 @@ __all__ = [
     "route",
     "save_coreset",
     "segment_mean",
+    "trips",
     "unusual",
     "usage",
 ]
@@ -103,6 +119,7 @@ def read(
     frame: str | None = None,
     times_file: str | os.PathLike[str] | None = None,
     rate: float | None = None,
+    weight: str | None = None,
 ) -> ReadResult:
     r"""Read tracks from logs: files, or frames of other packages.
 
@@ -158,6 +175,9 @@ def read(
         File with a time in each line, for KITTI's poses, which have none.
     rate : float, optional
         Poses in a second, for KITTI's poses.
+    weight : str, optional
+        Column of the weights of the points, which are above 0; all weigh 1 where left out.
+        :func:`segment_mean` and :func:`coreset` use them.
 
     Returns
     -------
@@ -215,6 +235,7 @@ def read(
         frame=frame,
         times_file=None if times_file is None else os.fspath(times_file),
         rate=rate,
+        weight=weight,
     )
     _warn_of_losses(result)
     return result
@@ -238,6 +259,7 @@ def compress(
     effort: int = 5,
     coreset: int | None = None,
     keep_within: Mapping[str, float] | None = None,
+    heights: bool = True,
     map: Archive | ArchiveSource | None = None,
     memory: int | None = None,
     executor: Executor | None = None,
@@ -284,6 +306,10 @@ def compress(
     keep_within : mapping of str to float, optional
         Attributes to keep as curves over time, each within an error at every sample, such as
         ``{"ele": 1.0}``: see :meth:`Archive.curve`.
+    heights : bool, default True
+        Keep the heights of GPX, KML, TCX and FIT files, and the attribute ``ele`` of tracks in
+        degrees, within 3 m as the curve ``ele``, unless a size is given or ``keep`` or
+        ``keep_within`` names heights.
     map : Archive, path or bytes, optional
         Store the tracks as walks on the map of this archive. The map is not stored again, and
         :func:`open` needs it, too. Lines off the map are in :attr:`Archive.off_map_lines`.
@@ -316,6 +342,7 @@ def compress(
     >>> bool(abs(archive.position("lane", 5.5)[0] - 1.5) < 0.1), archive.report.points
     (True, 20)
     """
+    from gpszip.io.logs.raw import name_heights
     from gpszip.pipeline.compress import compress as compress_tracks
 
     # A single name would be taken for a sequence of letters.
@@ -336,6 +363,7 @@ def compress(
         effort=effort,
         coreset=coreset,
         curves=tuple((keep_within or {}).items()),
+        heights=heights,
     )
 
     # The map and the tracks may still be files.
@@ -344,7 +372,16 @@ def compress(
     plane = None if known_map is None else known_map.grid.plane
     extras = _exact_sections(tracks) if lossless else ()
     columns = (*names, *(keep_within or {}))
-    with _open_log(tracks, memory, plane, columns, times, progress, options.thesis) as log:
+    with _open_log(
+        tracks,
+        memory,
+        plane,
+        columns,
+        times,
+        progress,
+        options.thesis,
+        heights=heights and times and not name_heights(columns),
+    ) as log:
         archive, report = compress_tracks(
             log,
             options,
@@ -417,9 +454,11 @@ def append(
 
     # Files are read with the columns that the archive keeps.
     opened = archive if isinstance(archive, Archive) else open_archive(archive)
-    keep, plane = opened.kept_columns or (), opened.grid.plane
-    # Only archives with times can be extended, so a table needs its column of times.
-    with _open_log(tracks, memory, plane, keep, True, progress) as log:
+    keep, plane = (*(opened.kept_columns or ()), *opened.curve_sizes), opened.grid.plane
+    # Only archives with times can be extended, so a table needs its column of times. Heights that
+    # were kept unasked may be missing.
+    heights = "ele" in opened.curve_sizes
+    with _open_log(tracks, memory, plane, keep, True, progress, heights=heights) as log:
         extended, report = append_tracks(
             opened,
             log,
@@ -654,6 +693,74 @@ def diff(
     return diff_sides(_side_to_compare(first, gap), _side_to_compare(second, gap), worst=worst)
 
 
+def trips(
+    source: Archive | Logs,
+    *,
+    min_stay: float = 300.0,
+    max_pause: float = 900.0,
+    radius: float = 100.0,
+    timezone: str | None = None,
+) -> Trips:
+    """Find the stays and trips of a log or an archive, and the places that they join.
+
+    Parameters
+    ----------
+    source : Archive, path, stream, frame, Track, or sequence of Track or path
+        A file is an archive if it begins like one, else a log. Tracks may have their errors in
+        metres as the attribute ``accuracy``; logs are read with them, and put in the order of time.
+    min_stay : float, default 300
+        Seconds; shorter stops are no stays, unless a trip turns back at them.
+    max_pause : float, default 900
+        Seconds; shorter stays on the way don't end a trip.
+    radius : float, default 100
+        Metres around the centre of a place that belong to it.
+    timezone : str, optional
+        Time zone of local hours, such as ``Europe/Berlin``. By default that of the place where most
+        time is spent, if the package timezonefinder is there, else UTC.
+
+    Returns
+    -------
+    Trips
+        With stays, trips, places, and the number of trips between places.
+
+    Raises
+    ------
+    InputError, CorruptArchiveError
+        If a file can't be read.
+    OptionError
+        If no track has times, there is no such time zone, or a number is not positive.
+
+    Examples
+    --------
+    >>> times = np.arange(0, 3001, 10)
+    >>> x = np.interp(times, [0, 1000, 2000, 3000], [0, 0, 5000, 5000])
+    >>> found = trips(Track("phone", times, np.stack([x, 0 * x], axis=1)))
+    >>> found
+    Trips(1 trip, 2 stays, 2 places)
+    >>> found.matrix, round(found.trips[0].length)
+    ({(1, 2): 1}, 5000)
+    """
+    from gpszip.history.values import Settings
+    from gpszip.pipeline.trips import trips_of_archive, trips_of_log
+
+    # An archive.
+    settings = Settings(min_stay, max_pause, radius)
+    source = _open_if_archive(source)
+    if isinstance(source, Archive):
+        return trips_of_archive(source, settings, timezone)
+
+    # A log.
+    files = _files_among(source)
+    if files is None:
+        tracks = [source] if isinstance(source, Track) else cast("Sequence[Track]", source)
+        return trips_of_log(tracks, settings, timezone)
+    from gpszip.io.logs.read import read_logs
+
+    read_result = read_logs(_as_names(files), accuracy=True, sort=True)
+    _warn_of_losses(read_result)
+    return trips_of_log(read_result.tracks, settings, timezone)
+
+
 def usage(
     source: Archive | Logs,
     *,
@@ -695,7 +802,7 @@ def usage(
     """
     from gpszip.pipeline.usage import usage as usage_of_archive
 
-    return usage_of_archive(_history_of(source), by=by, timezone=timezone)
+    return usage_of_archive(_archive_of(source), by=by, timezone=timezone)
 
 
 def route(
@@ -749,7 +856,7 @@ def route(
     from gpszip.pipeline.route import plan_route
 
     plan = plan_route(
-        _history_of(source),
+        _archive_of(source),
         places,
         by=by,
         depart=depart,
@@ -817,8 +924,8 @@ def changes(
     from gpszip.pipeline.changes import changes as changes_of_archives
 
     return changes_of_archives(
-        _history_of(old),
-        None if new is None else _history_of(new),
+        _archive_of(old),
+        None if new is None else _archive_of(new),
         since=since,
         false_alarms=false_alarms,
         threshold=threshold,
@@ -868,17 +975,21 @@ def unusual(log: Logs, archive: Archive | str | os.PathLike[str]) -> Unusual:
     return unusual_in_archive(tracks, opened)
 
 
-def _history_of(source: Archive | Logs) -> Archive:
+def _archive_of(source: Archive | Logs) -> Archive:
     """An archive as it is, or one of a log, compressed on the way with little effort."""
+    source = _open_if_archive(source)
+    return source if isinstance(source, Archive) else compress(source, effort=1)
+
+
+def _open_if_archive(source: Archive | Logs) -> Archive | Logs:
+    """Open a file that begins as an archive does; everything else stays as it is."""
     from gpszip.pipeline.diff import holds_archive
 
-    if isinstance(source, Archive):
-        return source
     if isinstance(source, str | os.PathLike) and pathlib.Path(source).is_file():
         with pathlib.Path(source).open("rb") as file:
             if holds_archive(file.read(8)):
                 return open_archive(source)
-    return compress(source, effort=1)
+    return source
 
 
 def join(archives: Sequence[Archive | ArchiveSource]) -> Archive:
@@ -1007,19 +1118,43 @@ def patch(
 
 
 def segment_mean(
-    track: Track, k: int | None = None, m: int | None = None, *, executor: Executor | None = None
+    tracks: Sequence[Track] | Track | Coreset | CoresetStream,
+    k: int | tuple[int, int] | None = None,
+    m: int | tuple[int, int] | None = None,
+    *,
+    rmse: float | None = None,
+    max_error: float | None = None,
+    gap: float = math.inf,
+    coreset: int | None = None,
+    memo: str | os.PathLike[str] | None = None,
+    executor: Executor | None = None,
+    progress: Listener | None = None,
 ) -> SegmentMean:
-    """Approximate a track by k parts, each travelled along one of m segments: Algorithm 1.
+    """Approximate tracks by k parts, each travelled along one of m segments: Algorithm 1.
 
     Parameters
     ----------
-    track : Track
-        n samples.
-    k, m : int, optional
-        Numbers of parts and of segments, 1 <= m <= k <= n. Those left out are found at the elbow of
-        the fitting cost (Algorithms 3 and 4).
+    tracks : Track, sequence of Track, Coreset or CoresetStream
+        n samples in all, on one plane. Parts of all tracks share the segments, and no part goes on
+        from track to track. Weights of samples count. With a coreset in place of tracks, the cost
+        is its estimate, boundaries count the samples of the log, and an RMSE is held at them by
+        the bounds of the coreset.
+    k, m : int or (int, int), optional
+        Numbers of parts and of segments, 1 <= m <= k <= n. Of a range, and of those left out, the
+        numbers at the elbow of the fitting cost are found (Algorithms 3 and 4).
+    rmse, max_error : float, optional
+        Bounds in metres on the error of the samples. Where k or m is left out, it is the least that
+        holds them; where both are, few numbers describe the result.
+    gap : float, default infinite
+        Longer intervals between samples, in seconds, are gaps, which no part crosses.
+    coreset : int, optional
+        Learn from a coreset of the tracks of this many blocks. Bounds are checked at all samples.
+    memo : path, optional
+        Folder in which a search for the elbow keeps what it has solved.
     executor : Executor, optional
         Runs the work.
+    progress : callable, optional
+        Called with a :class:`Progress` for each step.
 
     Returns
     -------
@@ -1029,7 +1164,9 @@ def segment_mean(
     Raises
     ------
     OptionError
-        If k or m don't fit the track.
+        If k or m don't fit the tracks.
+    BoundError
+        If no numbers that are allowed hold the bound.
 
     Examples
     --------
@@ -1038,10 +1175,85 @@ def segment_mean(
     >>> mean = segment_mean(track, k=4, m=2)
     >>> mean.labels.tolist(), round(mean.cost, 6)
     ([0, 1, 0, 1], 0.0)
+    >>> segment_mean(track, k=4, rmse=0.1).m
+    2
     """
     from gpszip.pipeline.segment_mean import segment_mean as find_segment_mean
+    from gpszip.segmentation.memo import Memo
 
-    return find_segment_mean(track, k, m, executor=executor)
+    return find_segment_mean(
+        tracks,
+        k,
+        m,
+        rmse=rmse,
+        max_error=max_error,
+        gap=gap,
+        coreset=coreset,
+        memo=None if memo is None else Memo(memo),
+        executor=executor,
+        progress=progress,
+    )
+
+
+def markov_model(
+    mean: SegmentMean, tracks: Sequence[Track] | Track | Coreset | CoresetStream
+) -> MarkovModel:
+    """Return the Markov model of a segment mean: transitions, and the spread of samples.
+
+    Parameters
+    ----------
+    mean : SegmentMean
+        Of these tracks.
+    tracks : Track, sequence of Track, Coreset or CoresetStream
+        The tracks, or their coreset.
+
+    Examples
+    --------
+    >>> there_and_back = [0, 2, 4, 6, 8, 10, 10, 8, 6, 4, 2, 0]
+    >>> track = Track("lane", range(24), [[x] for x in 2 * there_and_back])
+    >>> model = markov_model(segment_mean(track, k=4, m=2), track)
+    >>> model.transitions.tolist(), model.counts.tolist(), model.probabilities.tolist()
+    ([[0, 1], [1, 0]], [2, 1], [1.0, 1.0])
+    """
+    from gpszip.pipeline.segment_mean import as_signal, fit_model
+
+    return fit_model(as_signal(tracks, math.inf), mean)[0]
+
+
+def log_likelihood(
+    model: MarkovModel, tracks: Sequence[Track] | Track, *, gap: float = math.inf
+) -> Likelihood:
+    """Return the log-likelihood of tracks under the Markov model of others.
+
+    The tracks are cut into parts that follow the segments of the model: cost plus a price for each
+    part is least.
+
+    Parameters
+    ----------
+    model : MarkovModel
+        The model.
+    tracks : Track or sequence of Track
+        On the plane of the model.
+    gap : float, default infinite
+        Longer intervals between samples, in seconds, are gaps.
+
+    Raises
+    ------
+    OptionError
+        If the tracks don't lie on the plane of the model.
+
+    Examples
+    --------
+    >>> there_and_back = [0, 2, 4, 6, 8, 10, 10, 8, 6, 4, 2, 0]
+    >>> track = Track("lane", range(24), [[x] for x in 2 * there_and_back])
+    >>> model = markov_model(segment_mean(track, k=4, m=2), track)
+    >>> away = Track("away", range(12), [[x + 1] for x in there_and_back])
+    >>> log_likelihood(model, track).per_sample > log_likelihood(model, away).per_sample
+    True
+    """
+    from gpszip.pipeline.segment_mean import find_likelihood_of
+
+    return find_likelihood_of(model, tracks, gap)
 
 
 def coreset(
@@ -1158,13 +1370,10 @@ def _as_names(sources: Iterable[LogSource]) -> list[str | BinaryIO | FrameSource
 
 def _side_to_compare(source: Archive | Logs, gap: float | None) -> Side:
     """An archive or a log as what is compared; files are opened or read."""
-    from gpszip.pipeline.diff import holds_archive, side_of_archive, side_of_log
+    from gpszip.pipeline.diff import side_of_archive, side_of_log
 
-    # A file that begins like an archive.
-    if isinstance(source, str | os.PathLike) and pathlib.Path(source).is_file():
-        with pathlib.Path(source).open("rb") as file:
-            is_archive = holds_archive(file.read(8))
-        source = open_archive(source) if is_archive else source
+    # An archive.
+    source = _open_if_archive(source)
     if isinstance(source, Archive):
         return side_of_archive(source)
 
@@ -1208,6 +1417,8 @@ def _open_log(
     times: bool,
     progress: Listener | None,
     thesis: bool = False,
+    *,
+    heights: bool = False,
 ) -> Iterator[Sequence[Track] | Track | Log]:
     """Tracks as they were given, or the files that were given, in memory or on disk."""
     # Tracks are passed on as they are: there is nothing to read, and nothing to close.
@@ -1226,6 +1437,7 @@ def _open_log(
         progress=progress,
         thesis=thesis,
         keep=keep,
+        heights=heights,
         times=times,
     ) as log:
         if log.read_result is not None:

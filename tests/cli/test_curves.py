@@ -5,12 +5,14 @@ import io
 import math
 import xml.etree.ElementTree as ElementTree
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import gpszip as package
 from batches import force_batches
+from gpszip.pipeline import kept_curves
 
 START = 1_714_557_600
 
@@ -40,7 +42,7 @@ def ride(tmp_path):
 def archive(gpszip, ride, tmp_path):
     done = gpszip("compress ride.gpx -o ride.gpsz --max-error 5m --effort 1 --keep ele:1m,hr:2")
     assert done.code == 0, done.err
-    assert "ele within 1 at every point" in done.err
+    assert "ele within 1 m at every point" in done.err
     return package.open(tmp_path / "ride.gpsz")
 
 
@@ -91,7 +93,7 @@ def test_beside_exact_columns(gpszip, ride, tmp_path):
 
 
 def test_info_verify_and_select(gpszip, archive, ride, tmp_path):
-    assert "within 1 at every point" in gpszip("info ride.gpsz").out
+    assert "within 1 m at every point" in gpszip("info ride.gpsz").out
     facts = gpszip("info ride.gpsz --json").json
     assert [(curve["name"], curve["bound"]) for curve in facts["curves"]] == [("ele", 1), ("hr", 2)]
     assert gpszip("verify ride.gpsz").code == 0
@@ -131,11 +133,25 @@ def test_recover_keeps_them(gpszip, archive, tmp_path):
     )
 
 
-def test_logs_larger_than_memory_are_refused(gpszip, ride, monkeypatch):
+def test_logs_larger_than_memory_keep_them(gpszip, archive, ride, monkeypatch):
     force_batches(monkeypatch, batch=100, subsample=100)
-    done = gpszip("compress ride.gpx -o no.gpsz --max-error 5m --keep ele:1m --memory 420MiB")
+    monkeypatch.setattr(kept_curves, "_ROWS", 70)
+    options = "--max-error 5m --effort 1 --memory 420MiB"
+    done = gpszip("compress ride.gpx -o large.gpsz --keep ele:1m,hr:2", *options.split())
+    assert done.code == 0, done.err
+    assert "ele within 1 m at every point" in done.err
+    large, times = package.open("large.gpsz"), START + np.arange(300.0)
+    found = large.curve("ride", "ele", times)
+    assert np.nanmax(np.abs(found - ride)) <= 1
+    assert np.isnan(found).tolist() == np.isnan(ride).tolist()
+
+    # A knot more for each slice of rows; with too little memory for knots, an error.
+    count = len(large._curve_columns["ele"].knots[0])
+    assert 0 <= count - len(archive._curve_columns["ele"].knots[0]) <= 2 * 300 // 70 + 2
+    monkeypatch.setattr(kept_curves, "knots_of_curves", lambda _: 10)
+    done = gpszip("compress ride.gpx -o no.gpsz --keep ele:1m", *options.split())
     assert done.code == 2
-    assert "only of logs that fit the memory; keep them exactly, such as --keep ele" in done.err
+    assert "more than 10 knots within 1, more than fit the memory" in done.err
 
 
 def test_times_in_another_unit_are_refused(archive):
@@ -144,17 +160,85 @@ def test_times_in_another_unit_are_refused(archive):
     assert np.isnan(archive.curve("ride", "ele", START + 1000))
 
 
-def test_what_cannot_keep_them_says_so(gpszip, archive):
-    assert gpszip("select ride.gpsz -o part.gpsz --until 2024-05-01T10:02:00Z").code == 0
-    joined = gpszip("join part.gpsz ride.gpsz -o all.gpsz")
-    assert joined.code == 2
-    assert "can't be joined" in joined.err
-    merged = gpszip("merge part.gpsz ride.gpsz -o all.gpsz --same-id prefix")
+def test_parts_join_to_the_same_curves(gpszip, archive):
+    assert gpszip("split ride.gpsz --by 2min -o parts").code == 0
+    parts = sorted(map(str, Path("parts").glob("*.gpsz")))
+    done = gpszip("join -o all.gpsz", *parts[::-1])
+    assert done.code == 0, done.err
+    whole = package.open("all.gpsz")
+    for name, column in whole._curve_columns.items():
+        expected = archive._curve_columns[name]
+        assert (column.bound, column.step) == (expected.bound, expected.step)
+        assert column.knots[0].tolist() == expected.knots[0].tolist()
+
+    # Merging moves walks, not curves; tracks of other archives have no values.
+    Path("other.csv").write_text("track_id,t,lat,lon\nb,0,52.5,13.4\nb,60,52.501,13.4\n")
+    assert gpszip("compress other.csv -o other.gpsz --max-error 5m --effort 1").code == 0
+    done = gpszip("merge other.gpsz ride.gpsz -o merged.gpsz")
+    assert done.code == 0, done.err
+    assert "only some archives keep ele, hr within an error" in done.err
+    merged, times = package.open("merged.gpsz"), START + np.arange(300.0)
+    expected = archive.curve("ride", "ele", times)
+    assert np.array_equal(merged.curve("ride", "ele", times), expected, equal_nan=True)
+    assert np.isnan(merged.curve("b", "ele", 30.0))
+
+
+def test_append_goes_on_with_them(gpszip, ride, monkeypatch):
+    text = Path("ride.gpx").read_text()
+    head, *points = text.split("<trkpt")
+    points[-1], tail = points[-1].split("</trkseg>")
+    for name, own in (("first", points[:150]), ("second", points[149:])):
+        Path(f"{name}.gpx").write_text("<trkpt".join([head, *own]) + "</trkseg>" + tail)
+    compress = "compress first.gpx -o a.gpsz --max-error 5m --effort 1 --keep ele:1m"
+    assert gpszip(compress).code == 0
+    before = Path("a.gpsz").read_bytes()
+    times, archives = START + np.arange(300.0), []
+    for memory in ("", " --memory 420MiB"):
+        Path("a.gpsz").write_bytes(before)
+        done = gpszip(f"compress second.gpx -o a.gpsz --append --effort 1{memory}")
+        assert done.code == 0, done.err
+        assert "ele within 1 m at every point" in done.err
+        archives.append(package.open("a.gpsz"))
+        found = archives[-1].curve("ride", "ele", times)
+        assert np.nanmax(np.abs(found - ride)) <= 1
+        assert np.isnan(found).tolist() == np.isnan(ride).tolist()
+        # No hole where the second log goes on.
+        assert not np.isnan(archives[-1].curve("ride", "ele", times[148:152] + 0.5)).any()
+        force_batches(monkeypatch, batch=100, subsample=100)
+
+    # A part that was cut, and the rest of its log: no line is cut.
+    assert gpszip(compress.replace("first", "ride") + " --force").code == 0
+    whole = package.open("a.gpsz")
+    assert gpszip("select a.gpsz -o part.gpsz --until 2024-05-01T10:03:20Z").code == 0
+    done = gpszip("compress ride.gpx -o part.gpsz --append --effort 1 --since 2024-05-01T10:03:20Z")
+    assert done.code == 0, done.err
+    part = package.open("part.gpsz")
+    assert part.curve_sizes["ele"][0] == 1
+    assert np.nanmax(np.abs(part.curve("ride", "ele", times) - ride)) <= 1
+    knots = [len(each._curve_columns["ele"].knots[0]) for each in (whole, part)]
+    assert knots[1] <= knots[0] + 2
+
+    # A further column begins with the new log; a smaller bound doesn't hold for the old one.
+    Path("a.gpsz").write_bytes(before)
+    options = "-o a.gpsz --append --effort 1 --dry-run"
+    done = gpszip(f"compress second.gpx {options} --keep ele:0.5m")
+    assert done.code == 2
+    assert "the archive keeps 'ele' within 1, so that 0.5 can't be held" in done.err
+    done = gpszip("compress second.gpx -o a.gpsz --append --effort 1 --keep hr:2")
+    assert done.code == 0, done.err
+    pulse = package.open("a.gpsz").curve("ride", "hr", times)
+    assert np.flatnonzero(np.isnan(pulse)).tolist() == list(range(149))
+
+
+def test_columns_exact_here_and_within_an_error_there(gpszip, archive):
+    done = gpszip("compress ride.gpx -o exact.gpsz --max-error 5m --effort 1 --keep ele")
+    assert done.code == 0, done.err
+    merged = gpszip("merge exact.gpsz ride.gpsz -o all.gpsz --same-id prefix")
     assert merged.code == 2
-    assert "which merge can't continue" in merged.err
-    appended = gpszip("compress ride.gpx -o ride.gpsz --append")
+    assert "keeps 'ele' exactly, another one within an error" in merged.err
+    appended = gpszip("compress ride.gpx -o exact.gpsz --append --keep ele:1m")
     assert appended.code == 2
-    assert "which --append can't continue" in appended.err
+    assert "column 'ele' is kept twice" in appended.err
 
 
 def test_mistakes(gpszip, ride):
@@ -168,8 +252,9 @@ def test_mistakes(gpszip, ride):
         done = gpszip("compress ride.gpx -o no.gpsz --keep", keep)
         assert done.code in {1, 2}, keep
         assert words in done.err, keep
+    assert gpszip("compress ride.gpx -o hr.gpsz --max-error 5m --effort 1 --no-ele").code == 0
     with pytest.raises(package.OptionError, match="no column 'ele'"):
-        package.compress("ride.gpx", max_error=5, effort=1).curve("ride", "ele", START)
+        package.open("hr.gpsz").curve("ride", "ele", START)
 
 
 def test_infinite_values_are_counted(gpszip, tmp_path):
@@ -187,6 +272,23 @@ def test_from_python(ride, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     archive = package.compress("ride.gpx", max_error=5, effort=1, keep_within={"ele": 3.0})
     assert np.nanmax(np.abs(archive.curve("ride", "ele", START + np.arange(300.0)) - ride)) <= 3
-    plain = package.compress("ride.gpx", max_error=5, effort=1)
+    plain = package.compress("ride.gpx", max_error=5, effort=1, heights=False)
     assert plain.size < archive.size
     assert plain.decompress()[0].attributes == {}
+
+
+def test_merged_parts_of_a_track_keep_within_the_larger_bound():
+    times = np.arange(120.0)
+    heights = np.cumsum(np.random.default_rng(5).normal(size=120))
+    positions = np.stack([times, np.zeros(120)], axis=1)
+    parts = [
+        package.Track("a", times[own], positions[own], attributes={"ele": heights[own]})
+        for own in (slice(60), slice(60, None))
+    ]
+    archives = [
+        package.compress(part, max_error=1, effort=1, keep_within={"ele": bound})
+        for part, bound in zip(parts, (2.0, 0.5), strict=True)
+    ]
+    merged = package.merge(archives, same_id="join")
+    assert merged.curve_sizes["ele"][0] == 2
+    assert np.abs(merged.curve("a", "ele", times) - heights).max() <= 2

@@ -20,16 +20,32 @@ def without_seconds(folder):
     return found
 
 
-def test_all_quick_writes_every_experiment(gpszip, tmp_path):
-    run = gpszip("experiment all --quick -o out --json")
+def test_all_quick_writes_every_experiment(gpszip, log, tmp_path):
+    run = gpszip("experiment all walk.csv --rmse 2m --quick -o out --json")
     assert run.code == 0, run.err
     written = run.json["written"]
     assert sorted(written) == sorted(path.name for path in (tmp_path / "out").iterdir())
     for experiment in EXPERIMENTS:
+        if experiment.needs_roads:
+            continue
         page = (tmp_path / "out" / f"{experiment.name}.md").read_text()
-        assert f"`gpszip experiment {experiment.name} --quick --seed 1`" in page
+        assert f"`gpszip experiment {experiment.name} walk.csv --quick --seed 1 --rmse 2m`" in page
         for name in re.findall(r"!\[.*?\]\((.*?)\)", page):
             assert (tmp_path / "out" / name).stat().st_size > 2000
+
+
+def test_roads_are_asked_for_and_read(gpszip, log):
+    roads = {"type": "LineString", "coordinates": [[0, 0], [40, 0], [40, 30], [0, 30], [0, 0]]}
+    Path("roads.geojson").write_text(json.dumps(roads))
+    run = gpszip("experiment figure-5.1 walk.csv --quick -o out")
+    assert run.code == 2
+    assert "--network" in run.err
+    run = gpszip("experiment all walk.csv --quick -o out --network none.geojson")
+    assert run.code == 1
+    assert "none.geojson" in run.err
+    run = gpszip("experiment figure-5.1 walk.csv --quick -o out --network roads.geojson")
+    assert run.code == 0, run.err
+    assert "--network roads.geojson --quick" in Path("out/figure-5.1.md").read_text()
 
 
 def test_the_same_seed_gives_the_same_numbers(gpszip):

@@ -1,12 +1,13 @@
 import struct
 import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpszip.archive.curves import encode_curves, read_curve_heads, read_curves
+from gpszip.archive.curves import curves_section, read_curve_heads, read_curves
 from gpszip.codec import curves
 from gpszip.codec.curves import CurveColumn, fit_column
 from gpszip.errors import CorruptArchiveError, OptionError
@@ -34,9 +35,9 @@ def tracks(draw, max_tracks=3):
 @given(tracks(), bounds)
 def test_the_bound_holds_at_every_sample_after_decoding(log, bound):
     times, values = log
-    body = encode_curves({"ele": fit_column(times, values, bound, "ele")})
-    column = read_curves(body, len(times))["ele"]
-    assert read_curve_heads(body)["ele"][0] == bound
+    section = curves_section({"ele": fit_column(times, values, bound, "ele")})
+    column = read_curves(section.kind, section.body, len(times))["ele"]
+    assert read_curve_heads(section.kind, section.body)["ele"][0] == column.bound == bound
     for track, (when, own) in enumerate(zip(times, values, strict=True)):
         found = column.curve(track).at(when)
         present = ~np.isnan(own)
@@ -85,7 +86,7 @@ def test_coding_beats_deflate_of_the_same_numbers():
         for table in (steps, steps.T)
         for kind in ("<i2", "i1")
     ]
-    assert len(encode_curves({"ele": column})) < 0.9 * min(map(len, plain))
+    assert len(curves_section({"ele": column}).body) < 0.9 * min(map(len, plain))
 
 
 def test_texts_and_what_no_grid_holds_are_refused():
@@ -97,19 +98,20 @@ def test_texts_and_what_no_grid_holds_are_refused():
         fit_column([np.array([0.0, 1e-9])], [np.array([0.0, 100.0])], 1.0, "x")
 
 
-def _body():
+def _section(bound):
     times, values = np.arange(50.0), np.sin(np.arange(50.0))
-    return encode_curves({"ele": fit_column([times, times], [values, values[::-1]], 0.1)})
+    return curves_section({"ele": fit_column([times, times], [values, values[::-1]], bound)})
 
 
-def test_hostile_bodies_raise_one_error():
-    body = _body()
+@pytest.mark.parametrize("bound", [0.1, 0.1234])
+def test_hostile_bodies_raise_one_error(bound):
+    kind, body = (section := _section(bound)).kind, section.body
     refused = 0
     for at in range(len(body)):
         for change in (0x01, 0x80, 0xFF):
             forged = body[:at] + bytes([body[at] ^ change]) + body[at + 1 :]
             try:
-                column = next(iter(read_curves(forged, 2).values()), None)
+                column = next(iter(read_curves(kind, forged, 2).values()), None)
             except CorruptArchiveError:
                 refused += 1
                 continue
@@ -119,19 +121,37 @@ def test_hostile_bodies_raise_one_error():
     assert refused > len(body)
     for end in range(len(body)):
         with pytest.raises(CorruptArchiveError):
-            read_curves(body[:end], 2)
+            read_curves(kind, body[:end], 2)
+
+
+def test_short_bounds_take_two_bytes():
+    kinds = []
+    for bound in (3.0, 0.3048, 0.05, 999e7, 1e-8, 999e8, 1e-9, 1 / 3):
+        section = _section(bound)
+        kinds.append(section.kind)
+        assert read_curves(section.kind, section.body, 2)["ele"].bound == bound
+    assert kinds == [12, 11, 12, 12, 12, 11, 11, 11]
+    # Other steps, as of joined curves, need the long form.
+    column = fit_column([np.arange(3.0)], [np.zeros(3)], 1.0)
+    other = curves_section({"x": replace(column, step=0.25)})
+    assert other.kind == 11
+    assert len(other.body) == len(curves_section({"x": column}).body) + 14
+    for code in (0, 1023, 1 << 14):
+        with pytest.raises(CorruptArchiveError, match="none of two bytes"):
+            read_curves(12, b"\x01\x01e" + struct.pack("<H", code) + bytes(20), 1)
 
 
 def test_forged_counts_do_not_ask_for_memory():
     head = b"\x01\x01e" + struct.pack("<dd", 1.0, 0.5) + b"\x01"
     with pytest.raises(CorruptArchiveError, match="knots can't lie"):
-        read_curves(head + b"\x00\xff\xff\xff\xff\x7f" + b"\x01\x00", 1)
+        read_curves(11, head + b"\x00\xff\xff\xff\xff\x7f" + b"\x01\x00", 1)
     with pytest.raises(CorruptArchiveError, match="no curve has"):
-        read_curves(b"\x01\x01e" + struct.pack("<dd", float("nan"), 0.5) + b"\x01\x01\x00", 1)
+        read_curves(11, b"\x01\x01e" + struct.pack("<dd", float("nan"), 0.5) + b"\x01\x01\x00", 1)
 
 
 def test_a_constant_of_many_tracks_keeps_within_the_limit_of_knots():
     one = np.array([[2, 0, 0]], np.int64)
     column = CurveColumn(1.0, 0.5, 1, (one,) * 200_000)
-    back = read_curves(encode_curves({"e": column}), 200_000)["e"]
+    section = curves_section({"e": column})
+    back = read_curves(section.kind, section.body, 200_000)["e"]
     assert len(back.knots) == 200_000

@@ -52,6 +52,7 @@ def test_other_groups_are_saved(number):
         (SectionKind.ATTRIBUTES, "kept columns and times of samples, as"),
         (SectionKind.CODED_ATTRIBUTES, "kept columns and times of samples, as"),
         (SectionKind.CURVES, "columns kept within an error, as"),
+        (SectionKind.SHORT_CURVES, "columns kept within an error, as"),
     ],
 )
 def test_kept_columns_are_lost_with_any_track(kind, said):

@@ -10,7 +10,7 @@ import gpszip
 from gpszip.errors import OptionError
 from gpszip.history.agents import cluster_values
 from gpszip.history.calendar import Calendar
-from gpszip.history.markov import learn_markov_model
+from gpszip.history.transitions import learn_transitions
 from gpszip.history.traversals import History
 from gpszip.history.usage import measure_usage
 from history_rows import drives, street
@@ -88,7 +88,7 @@ def test_repeated_shares() -> None:
 
 def test_markov_model_is_that_of_a_loop(van_history: History) -> None:
     network, rows = van_history
-    model = learn_markov_model(*van_history)
+    model = learn_transitions(*van_history)
     counts: dict[tuple[int, int], int] = {}
     for i in range(1, len(rows)):
         if not rows.starts[i]:

@@ -146,3 +146,14 @@ def test_under_a_maximum_knots_can_lie_at_samples_of_whole_seconds(seed):
         [Track("a", np.arange(400.0), positions)], [np.zeros(399, bool)], max_error=7.0, effort=1
     )
     assert (1 / step_size(grid.time)).is_integer() or step_size(grid.time).is_integer()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_highest_effort_takes_no_more_bytes_than_the_default(seed):
+    track = patrol(1000, seed=seed)
+    track = Track(track.id, track.times[:300], track.positions[:300])
+    sizes = [
+        len(encode(learn_map([track], no_gaps([track]), rmse=0.5, effort=effort)[1]))
+        for effort in (5, 9)
+    ]
+    assert sizes[1] <= sizes[0]

@@ -24,6 +24,7 @@ from gpszip.pipeline.segment_mean import segment_mean
 from gpszip.pipeline.warm import warm
 from gpszip.run.serial import Serial
 from gpszip.run.threads import Threads
+from gpszip.testing import patrol
 from oracle.decoded import measure
 
 
@@ -340,9 +341,21 @@ def test_a_bound_too_tight_for_k_segments_is_refused():
         compress(wander(300), Options(k=3, m=1, rmse=0.01))
 
 
-def test_a_segment_mean_of_several_tracks_is_refused():
-    with pytest.raises(OptionError, match="one track"):
-        compress(LOGS["three tracks"], Options(k=5))
+def test_tracks_of_a_log_share_the_segments_of_a_segment_mean():
+    forth = Track("forth", np.arange(20.0), np.arange(20.0)[:, None])
+    again = Track("again", 5 + np.arange(20.0), np.arange(20.0)[:, None] + 1e-3)
+    archive, report = compress_and_reopen([forth, again], k=2, m=1)
+    assert (report.nodes, report.edges, report.tracks) == (2, 1, 2)
+    assert archive.position("again", [5.0, 24.0]).ravel() == pytest.approx([0, 19], abs=0.1)
+    with pytest.raises(OptionError, match="k >= 2"):
+        compress([forth, again], Options(k=1))
+
+
+def test_k_with_a_bound_finds_the_segments_that_hold_it():
+    log = patrol(1500)
+    _, report = compress([log], Options(k=14, rmse=1.0))
+    assert report.rmse <= 1.0
+    assert report.nodes < 28
 
 
 def test_tracks_that_contradict_each_other_are_refused():

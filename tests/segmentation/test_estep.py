@@ -234,3 +234,24 @@ def test_intervals_below_min_samples_stay_if_no_allowed_cut_is_better():
         for form in (estep.naive, estep.linear, estep.odd_even):
             after = form(sums, state, min_samples=6)
             assert total_cost(sums, after) <= total_cost(sums, state) * (1 + 1e-12), (seed, form)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_segments_that_are_pruned_by_their_distance_are_not_missed(seed):
+    """Many segments all over the place, most of them far from the samples."""
+    rng = np.random.default_rng(seed)
+    n, d, m = 60, 1 + seed % 3, 30
+    weights = rng.uniform(0.2, 3.0, n) if seed % 2 else None
+    positions = np.linspace(0, 50, n)[:, None] * rng.normal(size=d) + rng.normal(0, 0.3, (n, d))
+    track = Track("t", np.arange(n), positions.round(3), weights=weights)
+    sums = track_sums(track)
+    points = rng.uniform(-60, 60, (2, m, d)) / sums.position_tick
+    # some segments without a length, and one twice
+    points[1, :3] = points[0, :3]
+    points[:, 4] = points[:, 3]
+    boundaries = np.array([0, 9, 20, 33, 47, n])
+    state = EMState(boundaries, rng.integers(0, m, 5).astype(np.int32), *points)
+    naive, linear = estep.naive(sums, state), estep.linear(sums, state)
+    assert naive.boundaries.tolist() == linear.boundaries.tolist()
+    assert naive.labels.tolist() == linear.labels.tolist()
+    assert linear.boundaries.tolist() != state.boundaries.tolist()

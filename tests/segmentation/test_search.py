@@ -7,7 +7,7 @@ from gpszip.errors import BoundError, InputError, OptionError
 from gpszip.model import Track
 from gpszip.run import Threads
 from gpszip.segmentation import search
-from gpszip.segmentation.bound import segment_mean_within
+from gpszip.segmentation.bound import segment_mean_within, shortest_mean_within
 from gpszip.segmentation.em import segment_mean
 from gpszip.segmentation.evaluate import distances, rmse
 from gpszip.segmentation.memo import Memo, memo_key
@@ -29,11 +29,11 @@ def solved(monkeypatch):
     """The (k, m) that were solved, in order."""
     pairs = []
 
-    def counted(track, k, m, **options):
-        pairs.append((k, m))
-        return segment_mean(track, k, m, **options)
+    def counted(problem, pair):
+        pairs.append(pair)
+        return problem.solve(*pair)
 
-    monkeypatch.setattr(search, "segment_mean", counted)
+    monkeypatch.setattr(search, "_mean_of_pair", counted)
     return pairs
 
 
@@ -84,10 +84,9 @@ def test_laps_of_a_square_have_four_segments(solved):
     assert len(solved) == len(set(solved)) == len(found.evaluated)
     assert {(k, m) for k, m, _ in found.evaluated} == set(solved)
     assert all(k >= m for k, m in solved)
-    assert (
-        min(cost for k, m, cost in found.evaluated if (k, m) == (found.k, found.m))
-        == found.mean.cost
-    )
+    (searched,) = (cost for k, m, cost in found.evaluated if (k, m) == (found.k, found.m))
+    full = segment_mean(rounds(), found.k, found.m)
+    assert full.cost == found.mean.cost <= searched <= 1.01 * full.cost
 
 
 def test_the_result_is_the_same_for_any_number_of_workers():
@@ -202,3 +201,72 @@ def test_an_unreachable_bound_is_an_error():
 def test_bounds_out_of_range_are_refused(options):
     with pytest.raises(OptionError):
         segment_mean_within(rounds(1), **options)
+
+
+def test_the_share_that_is_done_grows_to_all_of_it():
+    shares = []
+    find_parameters(rounds(2), (2, 20), (1, 5), report=shares.append)
+    assert shares == sorted(shares)
+    assert 0 < shares[0] < 0.5 < shares[-1] <= 1
+
+
+@pytest.mark.parametrize("k", [20, 28])
+def test_with_k_given_the_least_m_meets_the_bound(k):
+    track = rounds(5)
+    mean = segment_mean_within(track, rmse=0.5, k=k)
+    assert mean.k == k
+    assert rmse(mean, track) <= 0.5
+    # fewer segments don't meet it; bisection sees some of them only
+    assert rmse(segment_mean(track, k, mean.m - 1), track) > 0.5
+
+
+def test_k_too_few_for_the_bound_is_an_error():
+    with pytest.raises(BoundError, match="allow more intervals"):
+        segment_mean_within(rounds(2), rmse=0.1, k=3)
+    with pytest.raises(BoundError, match="2 intervals of 1 segments"):
+        segment_mean_within(rounds(2), rmse=0.1, k=2, m=1)
+
+
+def test_a_short_description_has_shared_segments():
+    track, shares = rounds(5), []
+    mean = shortest_mean_within(track, rmse=0.6, report=shares.append)
+    free = segment_mean_within(track, rmse=0.6)
+    assert rmse(mean, track) <= 0.6
+    # both ends of each segment in two coordinates, and label and time of each interval
+    assert 4 * mean.m + 2 * mean.k < 4 * free.m + 2 * free.k
+    assert mean.m < 8
+    assert shares == sorted(shares)
+
+
+def test_a_search_that_stops_early_finds_what_a_full_one_finds(monkeypatch):
+    track = rounds(6)
+    early = find_parameters(track, (2, 48), (1, 24))
+    monkeypatch.setattr(search, "_TOLERANCE", 0.0)
+    monkeypatch.setattr(search, "_LEAST_GAIN", 0.0)
+    full = find_parameters(track, (2, 48), (1, 24))
+    assert (early.k, early.m, early.mean.cost) == (full.k, full.m, full.mean.cost)
+
+
+def test_searches_for_several_m_ask_together():
+    asked = []
+
+    def costs_of(pairs):
+        asked.append(pairs)
+        return [1000 / k + k + m for k, m in pairs]
+
+    found = search._run_together(
+        [search._elbow_steps(1, 20), search._elbow_steps(3, 40)], [1, 3], costs_of
+    )
+    alone = [
+        find_elbow(low, high, lambda ks, m=m: [1000 / k + k + m for k in ks])
+        for low, high, m in ((1, 20, 1), (3, 40, 3))
+    ]
+    assert found == alone
+    assert {m for _, m in asked[0]} == {1, 3}
+
+
+@pytest.mark.parametrize(("ks", "ms"), [((1, 1), (1, 1)), ((4, 30), (4, 4)), ((9, 9), (2, 9))])
+def test_ranges_may_be_a_single_number(ks, ms):
+    found = find_parameters(rounds(2), ks, ms)
+    assert ks[0] <= found.k <= ks[1]
+    assert ms[0] <= found.m <= ms[1]

@@ -16,6 +16,7 @@ from gpszip.archive.exact import find_exact_logs, find_kept
 from gpszip.archive.facts import count_facts, file_facts
 from gpszip.archive.frames import ArchiveFrames
 from gpszip.archive.pieces import (
+    add_points,
     build_pieces,
     pieces_by_track,
     plain_names,
@@ -25,7 +26,7 @@ from gpszip.archive.track_view import TrackView
 from gpszip.container.attributes import KeptColumns
 from gpszip.container.catalog import group_heads, stored_size
 from gpszip.container.contents import Contents, MapReference
-from gpszip.container.layout import SectionKind
+from gpszip.container.layout import CURVE_KINDS
 from gpszip.container.map_record import map_hash
 from gpszip.container.writer import archive_size, save, to_bytes
 from gpszip.errors import CorruptArchiveError, MapError, OptionError, UnknownTrackError
@@ -367,7 +368,8 @@ class Archive(ArchiveFrames):
         A track with gaps comes back as its pieces between them, named ``id/0``, ``id/1`` and so on,
         or ``id//0`` and so on where a name is taken; any other keeps its id. Each piece begins at
         its first sample and ends at its last. A track without times comes back as a shape: its
-        ``times`` are distances along it in metres, and its ``timed`` is False.
+        ``times`` are distances along it in metres, and its ``timed`` is False. Columns within an
+        error are attributes; their knots are further points on the lines.
 
         Parameters
         ----------
@@ -379,14 +381,14 @@ class Archive(ArchiveFrames):
         if track is not None:
             walk, positions = self._knots(track)
             pieces = build_pieces(walk, positions, self._named_pieces(walk), plane)
-            return self.with_curves(track, pieces)
+            return self.with_curves(track, pieces, at_knots=True)
 
         nodes = self.road_map.nodes
         return [
             piece
             for walk in self.walks
             for piece in self.with_curves(
-                walk.id, build_pieces(walk, nodes, self._pieces[walk.id], plane)
+                walk.id, build_pieces(walk, nodes, self._pieces[walk.id], plane), at_knots=True
             )
         ]
 
@@ -599,12 +601,12 @@ class Archive(ArchiveFrames):
     @cached_property
     def curve_sizes(self) -> Mapping[str, tuple[float, int]]:
         """Columns that are kept within an error: their bounds, and the bytes that they take."""
-        body = self._curve_section()
-        if body is None:
+        section = self._curve_section()
+        if section is None:
             return {}
         from gpszip.archive.curves import read_curve_heads
 
-        return read_curve_heads(body)
+        return read_curve_heads(*section)
 
     def check_curves(self) -> None:
         """Decode the columns that are kept within an error.
@@ -655,7 +657,9 @@ class Archive(ArchiveFrames):
             self._check_unit(times)
         return values
 
-    def with_curves(self, track: str, pieces: Sequence[Track]) -> list[Track]:
+    def with_curves(
+        self, track: str, pieces: Sequence[Track], *, at_knots: bool = False
+    ) -> list[Track]:
         """Pieces of a track with the values of its curves at their times, as attributes.
 
         Parameters
@@ -664,9 +668,16 @@ class Archive(ArchiveFrames):
             Name of the track.
         pieces : sequence of Track
             Those without times stay as they are.
+        at_knots : bool, default False
+            Whether pieces of knots get further points, at the knots of the curves, so that the
+            curves, too, are linear from point to point.
         """
         if not self.curve_sizes:
             return list(pieces)
+        if at_knots:
+            number = self._track_number(track)
+            curves = [column.curve(number).times for column in self._curve_columns.values()]
+            pieces = [add_points(piece, np.concatenate(curves)) for piece in pieces]
         return [
             replace(piece, attributes={**piece.attributes, **self._curve_values(track, piece)})
             if piece.timed
@@ -936,17 +947,21 @@ class Archive(ArchiveFrames):
 
     # Kept columns.
 
-    def _curve_section(self) -> bytes | None:
-        bodies = [each.body for each in self.contents.extras if each.kind == SectionKind.CURVES]
-        if len(bodies) > 1:
+    def _curve_section(self) -> tuple[int, bytes] | None:
+        """Kind and body of the section of curves; None if there is none."""
+        sections = [each for each in self.contents.extras if each.kind in CURVE_KINDS]
+        if len(sections) > 1:
             raise CorruptArchiveError("there are two sections of curves")
-        return bytes(bodies[0]) if bodies else None
+        return (sections[0].kind, bytes(sections[0].body)) if sections else None
 
     @cached_property
     def _curve_columns(self) -> Mapping[str, CurveColumn]:
+        section = self._curve_section()
+        if section is None:
+            return {}
         from gpszip.archive.curves import read_curves
 
-        return read_curves(self._curve_section() or b"\0", len(self.ids))
+        return read_curves(*section, len(self.ids))
 
     def _curve_values(self, owner: str, piece: Track) -> dict[str, NDArray[np.float64]]:
         number = self._track_number(owner)

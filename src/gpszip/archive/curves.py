@@ -16,13 +16,22 @@ from gpszip.codec.curves import (
     max_rows,
     times_of_knots,
 )
-from gpszip.container.layout import Cursor, encode_signed, encode_varint
+from gpszip.container.contents import Section
+from gpszip.container.layout import Cursor, SectionKind, encode_signed, encode_varint
 from gpszip.errors import CorruptArchiveError
 
-__all__ = ["encode_curves", "read_curve_heads", "read_curves"]
+__all__ = ["curves_section", "read_curve_heads", "read_curves"]
 
 #: Bytes of bound and step.
 _FLOATS = struct.Struct("<dd")
+
+#: Two bytes of a short bound: digits in the lower bits, then the exponent of 10, which is at least
+#: the negative offset.
+_SHORT = struct.Struct("<H")
+_DIGIT_BITS = 10
+_MAX_DIGITS = 999
+_EXPONENT_OFFSET = 8
+_EXPONENTS = 16
 
 
 class _Head(NamedTuple):
@@ -35,28 +44,61 @@ class _Head(NamedTuple):
     knots: int
     payload: bytes
     offset: int
+    size: int
 
 
-def encode_curves(columns: Mapping[str, CurveColumn]) -> bytes:
-    """Encode the body of the section.
+def curves_section(columns: Mapping[str, CurveColumn]) -> Section:
+    """The section of some columns, with short bounds where all are short.
 
     Examples
     --------
     >>> from gpszip.codec.curves import fit_column
     >>> import numpy as np
-    >>> column = fit_column([np.arange(3.0)], [np.array([5.0, 5.0, 5.0])], 1.0)
-    >>> read_curves(encode_curves({"ele": column}), 1)["ele"].curve(0).at([1.5]).tolist()
+    >>> own = [fit_column([np.arange(3.0)], [np.zeros(3)], bound) for bound in (0.3, 0.9144)]
+    >>> [curves_section({"ele": column}).kind.name for column in own]
+    ['SHORT_CURVES', 'CURVES']
+    >>> section = curves_section({"ele": fit_column([np.arange(3.0)], [np.full(3, 5.0)], 1.0)})
+    >>> read_curves(section.kind, section.body, 1)["ele"].curve(0).at([1.5]).tolist()
     [5.0]
     """
+    short = all(_short_bound(column) is not None for column in columns.values())
+    kind = SectionKind.SHORT_CURVES if short else SectionKind.CURVES
+    return Section(kind, _encode_curves(columns, short=short))
+
+
+def _short_bound(column: CurveColumn) -> int | None:
+    """Bound of at most three digits as a number of two bytes; None for others, or other steps."""
+    if column.step != column.bound / 2:
+        return None
+    digits, _, exponent = f"{column.bound:.2e}".partition("e")
+    power = int(exponent) - 2
+    number = int(digits.replace(".", ""))
+    while number % 10 == 0:
+        number, power = number // 10, power + 1
+    code = number | (power + _EXPONENT_OFFSET) << _DIGIT_BITS
+    in_range = 0 <= power + _EXPONENT_OFFSET < _EXPONENTS
+    return code if in_range and _bound_of(code) == column.bound else None
+
+
+def _bound_of(code: int) -> float:
+    """The bound of two bytes."""
+    digits, power = code & ((1 << _DIGIT_BITS) - 1), (code >> _DIGIT_BITS) - _EXPONENT_OFFSET
+    return float(digits * 10**power) if power >= 0 else digits / 10**-power
+
+
+def _encode_curves(columns: Mapping[str, CurveColumn], *, short: bool) -> bytes:
+    """Encode the body of the section; short bounds only where all columns have such."""
     out = [encode_varint(len(columns))]
     for name, column in columns.items():
         # The head.
         text = name.encode()
         payload, knots = encode_knots(column)
+        code = _short_bound(column) if short else None
+        bound = _FLOATS.pack(column.bound, column.step) if code is None else _SHORT.pack(code)
         out += [
             encode_varint(len(text)),
             text,
-            _FLOATS.pack(column.bound, column.step),
+            bound,
             encode_varint(column.unit),
             encode_signed(int(times_of_knots(column)[0])),
             encode_varint(knots),
@@ -66,22 +108,25 @@ def encode_curves(columns: Mapping[str, CurveColumn]) -> bytes:
     return b"".join(out)
 
 
-def read_curve_heads(body: bytes) -> dict[str, tuple[float, int]]:
-    """Bound and bytes of each column, without decoding any.
+def read_curve_heads(kind: int, body: bytes) -> dict[str, tuple[float, int]]:
+    """Bound and bytes of each column with its name, without decoding any.
 
     Raises
     ------
     CorruptArchiveError
         If the bytes are no curves.
     """
-    return {name: (head.bound, len(head.payload)) for name, head in _read_heads(body).items()}
+    heads = _read_heads(body, short=kind == SectionKind.SHORT_CURVES)
+    return {name: (head.bound, head.size) for name, head in heads.items()}
 
 
-def read_curves(body: bytes, tracks: int) -> dict[str, CurveColumn]:
-    """Undo :func:`encode_curves`.
+def read_curves(kind: int, body: bytes, tracks: int) -> dict[str, CurveColumn]:
+    """Undo :func:`curves_section`.
 
     Parameters
     ----------
+    kind : int
+        Kind of the section.
     body : bytes
         Untrusted; memory stays below 100 kB for each of its bytes, plus 1 MB for each column.
     tracks : int
@@ -92,16 +137,18 @@ def read_curves(body: bytes, tracks: int) -> dict[str, CurveColumn]:
     CorruptArchiveError
         If the bytes are no curves of so many tracks.
     """
-    return {name: _read_column(head, tracks) for name, head in _read_heads(body).items()}
+    heads = _read_heads(body, short=kind == SectionKind.SHORT_CURVES)
+    return {name: _read_column(head, tracks) for name, head in heads.items()}
 
 
-def _read_heads(body: bytes) -> dict[str, _Head]:
+def _read_heads(body: bytes, *, short: bool) -> dict[str, _Head]:
     """What stands before the knots of each column."""
     cursor = Cursor(body)
     count = cursor.read_varint("the number of curves")
     heads: dict[str, _Head] = {}
     for _ in range(count):
         # The name.
+        start = cursor.offset
         text = cursor.read_bytes(cursor.read_varint("a name's length"), "a name")
         try:
             name = text.decode()
@@ -111,7 +158,7 @@ def _read_heads(body: bytes) -> dict[str, _Head]:
             raise cursor.error("two curves of one name")
 
         # The grid.
-        bound, step = _FLOATS.unpack(cursor.read_bytes(_FLOATS.size, "a bound"))
+        bound, step = _read_short_bound(cursor) if short else _read_floats(cursor)
         unit = cursor.read_varint("the unit of time")
         first = cursor.read_signed("the first time")
         knots = cursor.read_varint("the number of knots")
@@ -122,9 +169,26 @@ def _read_heads(body: bytes) -> dict[str, _Head]:
         payload = cursor.read_bytes(cursor.read_varint("the length of a curve"), "a curve")
         if knots > max_rows(len(payload)):
             raise cursor.error(f"{knots} knots can't lie in {len(payload)} bytes")
-        heads[name] = _Head(bound, step, unit, first, knots, payload, offset)
+        size = cursor.offset - start
+        heads[name] = _Head(bound, step, unit, first, knots, payload, offset, size)
     cursor.expect_end("the curves")
     return heads
+
+
+def _read_floats(cursor: Cursor) -> tuple[float, float]:
+    """Bound and step of any size."""
+    bound, step = _FLOATS.unpack(cursor.read_bytes(_FLOATS.size, "a bound"))
+    return bound, step
+
+
+def _read_short_bound(cursor: Cursor) -> tuple[float, float]:
+    """A bound of two bytes, and the step, half of it."""
+    (code,) = _SHORT.unpack(cursor.read_bytes(_SHORT.size, "a bound"))
+    digits = code & ((1 << _DIGIT_BITS) - 1)
+    if not 0 < digits <= _MAX_DIGITS or code >> _DIGIT_BITS >= _EXPONENTS:
+        raise cursor.error("a bound is none of two bytes")
+    bound = _bound_of(code)
+    return bound, bound / 2
 
 
 def _read_column(head: _Head, tracks: int) -> CurveColumn:

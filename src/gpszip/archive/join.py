@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gpszip.archive.archive import Archive
 from gpszip.archive.create import new_archive, with_error_bound
+from gpszip.archive.joined_curves import join_curves
 from gpszip.archive.renumber import number_on_known_map
 from gpszip.container.attributes import KeptColumns, encode_attributes
 from gpszip.container.contents import Section
@@ -44,13 +45,13 @@ class _JoinedWalk(NamedTuple):
         Its knots.
     time_ranges : float64 array, shape (pieces, 2)
         Seconds at which travel begins and ends in each piece; empty for a shape.
-    sources : tuple of int
-        Numbers of the archives, in the order of time.
+    sources : tuple of (int, int)
+        Numbers of the archives and of the track in each, in the order of time.
     """
 
     walk: GridWalk
     time_ranges: Floats
-    sources: tuple[int, ...]
+    sources: tuple[tuple[int, int], ...]
 
 
 def join(archives: Sequence[Archive], *, names: Sequence[str] | None = None) -> Archive:
@@ -70,13 +71,14 @@ def join(archives: Sequence[Archive], *, names: Sequence[str] | None = None) -> 
     -------
     Archive
         All tracks, in the order in which the archives first have them. It states the largest of the
-        error bounds, if all archives state one of a kind.
+        error bounds, if all archives state one of a kind. Columns within an error may differ; each
+        stays within the largest of its bounds.
 
     Raises
     ------
     OptionError
         If there is no archive, grids or known maps differ, tracks of one id overlap in time, or
-        some archives keep other columns than the others.
+        some archives keep other exact columns than the others.
     """
     _check_together(archives, names or [f"archive {i + 1}" for i in range(len(archives))])
     first = archives[0]
@@ -95,7 +97,7 @@ def join(archives: Sequence[Archive], *, names: Sequence[str] | None = None) -> 
             ranges = np.zeros((0, 2))
         elif ranges is None:
             ranges = _knot_ranges(own, walk.times)
-        added = _JoinedWalk(own, ranges, (source,))
+        added = _JoinedWalk(own, ranges, ((source, number),))
         before = by_id.get(walk.id)
         by_id[walk.id] = added if before is None else _append(before, added, walk.id, walks.nodes)
 
@@ -116,7 +118,10 @@ def join(archives: Sequence[Archive], *, names: Sequence[str] | None = None) -> 
         list(ids),
         number_on_known_map(first, grid_walks),
         layer=first.contents.layer,
-        extras=_kept_section(archives, list(ids), joined),
+        extras=(
+            *_kept_section(archives, list(ids), joined),
+            *join_curves(archives, [track.sources for track in joined]),
+        ),
         known_map=None if reference is None else first.map,
         refinements=0 if reference is None else reference.refinements,
         time_ranges=[track.time_ranges for track in joined] if timed else None,
@@ -145,12 +150,6 @@ def _check_together(archives: Sequence[Archive], names: Sequence[str]) -> None:
             raise OptionError("of two archives, only one has times", location=where, remedy=_REMEDY)
 
         # What is kept beside the walks.
-        if archive.curve_sizes or first.curve_sizes:
-            raise OptionError(
-                "columns kept within an error can't be joined",
-                location=where,
-                remedy="compress the logs together, or keep the columns exactly",
-            )
         if archive.kept_columns != first.kept_columns:
             raise OptionError(
                 "keeps other columns than the first one", location=where, remedy=_REMEDY
@@ -247,7 +246,7 @@ def _kept_section(
     for name, track in zip(ids, joined, strict=True):
         # A sample at the very time of the cut is in both archives.
         last, count = -np.inf, 0
-        for source in track.sources:
+        for source, _ in track.sources:
             own_times = archives[source].sample_times(name)
             is_new = own_times > last
             times.append(own_times[is_new])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from gpszip.model.track import Track
 from gpszip.model.walk import Walk, cut_at_gaps
 
 __all__ = [
+    "add_points",
     "build_pieces",
     "clip_to_time_range",
     "measure_shape",
@@ -19,6 +21,9 @@ __all__ = [
     "plain_names",
     "time_range_of_piece",
 ]
+
+#: Seconds between a knot and a point that is added, as files write times in milliseconds.
+_LEAST_INTERVAL = 1e-3
 
 
 def pieces_by_track(walks: Sequence[Walk]) -> dict[str, list[tuple[str, slice]]]:
@@ -149,6 +154,34 @@ def clip_to_time_range(
     # unique drops the second of two equal ends, as times must increase.
     clipped = np.unique(np.concatenate([[first], inside, [last]]))
     return clipped, np.stack([np.interp(clipped, times, axis) for axis in positions.T], axis=1)
+
+
+def add_points(piece: Track, times: NDArray[np.float64]) -> Track:
+    """A piece with further points on its lines, at times in seconds.
+
+    Times outside of it, and within a millisecond of another, are left out.
+
+    Examples
+    --------
+    >>> piece = Track("a", [0.0, 10.0], [[0.0], [20.0]])
+    >>> add_points(piece, np.array([4.0, 4.0005, 10.0, 12.0])).positions.tolist()
+    [[0.0], [8.0], [20.0]]
+    """
+    # Times apart from each other, and from those of the knots.
+    if not piece.timed:
+        return piece
+    inside = np.unique(times[(times > piece.times[0]) & (times < piece.times[-1])])
+    inside = inside[np.append(True, np.diff(inside) > _LEAST_INTERVAL)[: len(inside)]]
+    after = np.searchsorted(piece.times, inside)
+    if not len(inside):
+        return piece
+    to_knots = np.minimum(inside - piece.times[after - 1], piece.times[after] - inside)
+    inside = inside[to_knots > _LEAST_INTERVAL]
+
+    # The points on the lines.
+    merged = np.union1d(piece.times, inside)
+    axes = [np.interp(merged, piece.times, axis) for axis in piece.positions.T]
+    return replace(piece, times=merged, positions=np.stack(axes, axis=1))
 
 
 def measure_shape(

@@ -20,7 +20,6 @@ from gpszip.archive.renumber import number_on_known_map
 from gpszip.container.attributes import KeptColumns, encode_attributes
 from gpszip.container.catalog import group_heads
 from gpszip.container.contents import Section
-from gpszip.container.layout import SectionKind
 from gpszip.errors import OptionError
 from gpszip.lossless.kept import smaller_section
 from gpszip.model.error_bound import ErrorBound, rounded_bound
@@ -209,7 +208,9 @@ def _build_selected(
         piece
         for walk in walks
         for piece in archive.with_curves(
-            walk.id, build_pieces(walk, selected.nodes, named[walk.id], archive.grid.plane)
+            walk.id,
+            build_pieces(walk, selected.nodes, named[walk.id], archive.grid.plane),
+            at_knots=True,
         )
     ]
     return pieces, {name: track for track, own in named.items() for name, _ in own}
@@ -345,7 +346,7 @@ def _curve_section(
     """Curves of the tracks that remain, with the knots about their time ranges."""
     if not archive.curve_sizes:
         return ()
-    from gpszip.archive.curves import encode_curves
+    from gpszip.archive.curves import curves_section
 
     # Of each track, the knots from the last one before its travel to the first one after it.
     columns = {}
@@ -358,7 +359,7 @@ def _curve_section(
             after = int(np.searchsorted(seconds, ranges.max(initial=-np.inf))) + 1
             knots.append(_begin_track(own[max(first, 0) : after]))
         columns[name] = replace(column, knots=tuple(knots))
-    return (Section(SectionKind.CURVES, encode_curves(columns)),)
+    return (curves_section(columns),)
 
 
 def _begin_track(knots: NDArray[np.int64]) -> NDArray[np.int64]:

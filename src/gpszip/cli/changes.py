@@ -10,8 +10,8 @@ import numpy as np
 
 from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.histories import log_options, open_history, outcome_of
-from gpszip.cli.options import Settings, common_options, force
+from gpszip.cli.histories import open_history, outcome_of, reading_options
+from gpszip.cli.options import Settings, common_options, force, map_option
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.selecting import TIME
 from gpszip.cli.units import format_count, format_duration
@@ -68,7 +68,8 @@ _MAX_NAMED = 20
     metavar="KINDS",
     help="Kinds to look for: closed,reopened,new,moved,slower,faster,one-way. By default all.",
 )
-@log_options
+@map_option
+@reading_options
 @force
 @common_options
 @click.pass_obj

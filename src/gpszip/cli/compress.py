@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,14 @@ import click
 from gpszip.cli.completing import complete_files
 from gpszip.cli.engine import engine_options, open_executor
 from gpszip.cli.format_lists import CommandWithFormats
+from gpszip.cli.keep_option import KeptColumns, keep_options, parse_keep
+from gpszip.cli.lossless import (
+    check_lossless,
+    exact_sections,
+    lossless_options,
+    open_sources,
+    remove_logs,
+)
 from gpszip.cli.options import (
     Settings,
     common_options,
@@ -42,9 +50,6 @@ __all__ = ["command"]
 
 #: Durations in seconds; infinite for "none".
 _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
-
-#: Characters with which a number begins.
-_DIGITS = tuple("0123456789.")
 
 #: Fields of Options that bound the archive, and their options on the command line.
 _BOUND_OPTIONS = {
@@ -132,7 +137,8 @@ _BOUND_OPTIONS = {
 @click.option(
     "--k",
     type=click.IntRange(1),
-    help="Number of parts in the thesis's (k,m)-segment mean, instead of the connected map.",
+    help="Number of parts in the thesis's (k,m)-segment mean, instead of the connected map. With a "
+    "bound, the least --m that holds it is found.",
 )
 @click.option(
     "--m",
@@ -168,24 +174,8 @@ _BOUND_OPTIONS = {
 @time_options
 @selection_options
 @robot_options
-@click.option(
-    "--keep",
-    metavar="COLUMNS",
-    help="Further columns to keep: exactly, with the times of the points, such as cad,hr; or "
-    "within an error, such as ele:1m,hr:2.",
-)
-@click.option("--keep-times", is_flag=True, help="Keep the times of the points exactly.")
-@click.option(
-    "--lossless",
-    is_flag=True,
-    help="Keep the logs themselves, too, byte by byte: decompress --exact returns them.",
-)
-@click.option(
-    "--rm",
-    "remove",
-    is_flag=True,
-    help="With --lossless: delete the logs once the archive is written and proved to hold them.",
-)
+@keep_options
+@lossless_options
 @click.option(
     "--format",
     metavar="FORMAT",
@@ -224,10 +214,13 @@ def command(
     # Refuse what can be refused before the logs are read.
     target = _output_name(target, logs, choices)
     selection = pop_selection(choices)
-    options = _compress_options(choices)
-    _check_lossless(target, choices)
+    kept = parse_keep(choices["keep"], heights=choices["heights"] and choices["times"])
+    options = _compress_options(choices, kept)
+    lossless, remove = choices["lossless"], choices["remove"]
+    check_lossless(target, lossless=lossless, remove=remove, append=choices["append"])
     extended = _archive_to_extend(target, choices)
     known_map = _open_map(choices)
+    reading = _Reading(choices, kept, selection, options.thesis, extended, known_map)
     # An archive that is extended has to be replaced.
     overwrite = force or extended is not None
     check_output(target, force=overwrite, binary=True)
@@ -235,18 +228,16 @@ def command(
         check_output(choices["update_map"], force=force, binary=True)
 
     if dry_run:
-        as_json = settings.json
-        archives = (extended, known_map)
-        return _dry_run(target, logs, choices, options, selection, *archives, as_json=as_json)
+        return _dry_run(target, logs, reading, options, as_json=settings.json)
 
     # Make the archive, and the map extended by the logs.
     with (
         progress_bar(quiet=quiet or settings.json) as listener,
         open_executor(*_executor_choices(choices)) as executor,
-        _open_sources(logs, choices) as sources,
-        _open_log(sources, choices, options, selection, extended or known_map, listener) as log,
+        open_sources(logs, lossless=lossless) as sources,
+        reading.open(sources, listener) as log,
     ):
-        extras = _exact_sections(sources, choices)
+        extras = exact_sections(sources, lossless=lossless, remove=remove)
         work = _Work(_memory(choices), executor, listener, extras)
         if extended is not None:
             archive, report = work.append(extended, log, options)
@@ -259,7 +250,7 @@ def command(
 
         # Write the files; delete the logs once what was written is proved to hold them.
         _write(target, archive, choices["update_map"], updated_map, force=overwrite)
-        removed = _remove(target, sources) if choices["remove"] else 0
+        removed = remove_logs(target, sources) if remove else 0
 
     # Print the summary.
     # Logs that come from files always have one.
@@ -274,11 +265,8 @@ def command(
 def _dry_run(
     target: str,
     logs: tuple[str, ...],
-    choices: dict[str, Any],
+    reading: _Reading,
     options: Options,
-    selection: Selection,
-    extended: Archive | None,
-    known_map: Archive | None,
     *,
     as_json: bool,
 ) -> Outcome:
@@ -292,13 +280,17 @@ def _dry_run(
     from gpszip.pipeline.estimate import estimate
 
     # Standard input is read twice, for its format and its rows, so that it is copied first.
-    base = extended or known_map
     with spooled(logs, unzip=is_bundle, wanted=may_be_log) as sources:
-        files = tuple(describe_files(sources, choices["format"]))
-        with _open_log(sources, choices, options, selection, base, None) as log:
+        files = tuple(describe_files(sources, reading.choices["format"]))
+        with reading.open(sources, None) as log:
             read_seconds = time.process_time()
-            memory = _memory(choices)
-            found = estimate(log, options, memory=memory, map=known_map, extended=extended)
+            found = estimate(
+                log,
+                options,
+                memory=_memory(reading.choices),
+                map=reading.known_map,
+                extended=reading.extended,
+            )
             dry_run = DryRun(target, files, log, found, read_seconds)
             print_dry_run(dry_run, as_json=as_json)
             return Outcome.DONE if dry_run.read_result.complete else Outcome.LEFT_OUT
@@ -348,91 +340,46 @@ class _Work:
         )
 
 
-def _check_lossless(target: str, choices: dict[str, Any]) -> None:
-    """Refuse options that don't go with logs that are kept exactly, or deleted."""
-    from gpszip.errors import OptionError
+@dataclass(frozen=True, eq=False)
+class _Reading:
+    """How logs are read, and what they extend."""
 
-    if choices["remove"] and not choices["lossless"]:
-        raise OptionError("--rm deletes logs", remedy="add --lossless, which keeps every byte")
-    if choices["remove"] and target == "-":
-        raise OptionError(
-            "--rm: standard output can't be read back to prove that it holds the logs",
-            remedy="name a file with -o",
+    choices: dict[str, Any]
+    kept: KeptColumns
+    selection: Selection
+    thesis: bool
+    extended: Archive | None
+    known_map: Archive | None
+
+    def open(self, logs: Sequence[Any], listener: Listener | None) -> AbstractContextManager[Log]:
+        """Read the logs into memory, or sort them on disk where they don't fit."""
+        from gpszip.pipeline.open_log import open_log
+
+        # Positions must be on the plane of the map or archive that the logs extend.
+        choices, map = self.choices, self.extended or self.known_map
+        return open_log(
+            logs,
+            memory=_memory(choices),
+            plane=None if map is None else map.grid.plane,
+            progress=listener,
+            thesis=self.thesis,
+            format=choices["format"],
+            columns=choices["columns"],
+            time_unit=choices["time_unit"],
+            dates=choices["dates"],
+            clean=choices["clean"],
+            sort=choices["sort"],
+            split=choices["split"],
+            skip_bad=choices["skip_bad"],
+            keep=self.kept.to_read(self.extended),
+            heights=self.kept.reads_heights(self.extended),
+            times=choices["times"],
+            selection=self.selection,
+            topics=choices["topics"],
+            frame=choices["frame"],
+            times_file=choices["times_file"],
+            rate=choices["rate"],
         )
-    if choices["lossless"] and choices["append"]:
-        raise OptionError(
-            "--lossless and --append were both given",
-            remedy="compress all logs together, or make another archive",
-        )
-
-
-def _open_sources(
-    logs: tuple[str, ...], choices: dict[str, Any]
-) -> AbstractContextManager[Sequence[Any]]:
-    """Find the logs; those that are kept exactly are read twice, so that streams are stored."""
-    if not choices["lossless"]:
-        return nullcontext(logs)
-    from gpszip.io.logs.formats import is_bundle
-    from gpszip.io.storage.source import spooled
-
-    return spooled(logs, unzip=is_bundle)
-
-
-def _exact_sections(sources: Sequence[Any], choices: dict[str, Any]) -> tuple[Section, ...]:
-    """The section of the logs that are kept exactly, where any are."""
-    if not choices["lossless"]:
-        return ()
-    from gpszip.pipeline.exact_logs import check_removable, exact_section
-
-    if choices["remove"]:
-        check_removable(sources)
-    return (exact_section(sources),)
-
-
-def _remove(target: str, sources: Sequence[Any]) -> int:
-    """Delete logs that the written archive holds; return how many."""
-    from gpszip.cli.archives import open_archive_file
-    from gpszip.pipeline.exact_logs import check_exact, remove_sources
-
-    with open_archive_file(target) as archive:
-        check_exact(archive, sources)
-    return remove_sources(sources)
-
-
-def _open_log(
-    logs: Sequence[Any],
-    choices: dict[str, Any],
-    options: Options,
-    selection: Selection,
-    map: Archive | None,
-    listener: Listener | None,
-) -> AbstractContextManager[Log]:
-    """Read the logs into memory, or sort them on disk where they don't fit."""
-    from gpszip.pipeline.open_log import open_log
-
-    # Positions must be on the plane of the map or archive that the logs extend.
-    return open_log(
-        logs,
-        memory=_memory(choices),
-        plane=None if map is None else map.grid.plane,
-        progress=listener,
-        thesis=options.thesis,
-        format=choices["format"],
-        columns=choices["columns"],
-        time_unit=choices["time_unit"],
-        dates=choices["dates"],
-        clean=choices["clean"],
-        sort=choices["sort"],
-        split=choices["split"],
-        skip_bad=choices["skip_bad"],
-        keep=_columns_to_read(choices),
-        times=choices["times"],
-        selection=selection,
-        topics=choices["topics"],
-        frame=choices["frame"],
-        times_file=choices["times_file"],
-        rate=choices["rate"],
-    )
 
 
 def _memory(choices: dict[str, Any]) -> int | None:
@@ -494,10 +441,11 @@ def _map_options(options: Options) -> Options:
     """Return options for the updated map: no limit of size, no columns, no exact times."""
     # A size was asked for the walks. The map grows with each log, and needs no columns of their
     # samples.
-    return replace(options, size=None, ratio=None, keep=(), keep_times=False, curves=())
+    no_columns = replace(options, keep=(), keep_times=False, curves=(), heights=False)
+    return replace(no_columns, size=None, ratio=None)
 
 
-def _compress_options(choices: dict[str, Any]) -> Options:
+def _compress_options(choices: dict[str, Any], kept: KeptColumns) -> Options:
     """Return the options of the pipeline; refuse those that contradict each other."""
     from gpszip.errors import OptionError
     from gpszip.model import Options
@@ -510,44 +458,5 @@ def _compress_options(choices: dict[str, Any]) -> Options:
     size = None if choices["size"] is None else int(choices["size"])
     return Options(
         **{name: choices[name] for name in names}
-        | {"size": size, "keep": _kept_columns(choices), "curves": _kept_curves(choices)}
+        | {"size": size, "keep": kept.exact, "curves": kept.curves, "heights": kept.heights}
     )
-
-
-def _kept_columns(choices: dict[str, Any]) -> tuple[str, ...]:
-    """Return the names of columns that are kept exactly."""
-    return tuple(name for name, bound in _keep_items(choices) if bound is None)
-
-
-def _kept_curves(choices: dict[str, Any]) -> tuple[tuple[str, float], ...]:
-    """Return the names and bounds of columns that are kept within an error."""
-    return tuple((name, bound) for name, bound in _keep_items(choices) if bound is not None)
-
-
-def _columns_to_read(choices: dict[str, Any]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(name for name, _ in _keep_items(choices)))
-
-
-def _keep_items(choices: dict[str, Any]) -> list[tuple[str, float | None]]:
-    """Return the columns of --keep with their bounds, in the order of the first mention."""
-    # Drop empty and repeated names.
-    names = (name.strip() for name in (choices["keep"] or "").split(","))
-    return [_parse_keep(name) for name in dict.fromkeys(names) if name]
-
-
-def _parse_keep(text: str) -> tuple[str, float | None]:
-    """Split a column and its bound; a length is in metres, any other number as the column has it.
-
-    Examples
-    --------
-    >>> _parse_keep("ele:3ft"), _parse_keep("hr:2"), _parse_keep("tag:red")
-    (('ele', 0.9144000000000001), ('hr', 2.0), ('tag:red', None))
-    """
-    # A colon may be part of a name, unless a number follows.
-    name, colon, bound = text.rpartition(":")
-    if not (colon and name.strip() and bound.strip().lstrip("+-")[:1] in _DIGITS):
-        return text, None
-    try:
-        return name.strip(), LENGTH.parse(bound.strip())
-    except ValueError as error:
-        raise click.UsageError(f"--keep {text}: {error}") from None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gpszip.cli.options import Settings, common_options, force
+from gpszip.cli.options import Settings, common_options, force, seed_option
 from gpszip.cli.outcome import Outcome
 
 if TYPE_CHECKING:
@@ -29,13 +29,7 @@ _RMSE = 0.24
 @click.option(
     "--out", metavar="FOLDER", default="gpszip-demo", show_default=True, help="Folder to write to."
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(0),
-    default=1,
-    show_default=True,
-    help="Seed of the building and the patrol.",
-)
+@seed_option("the building and the patrol")
 @click.option(
     "--points",
     type=click.IntRange(2),

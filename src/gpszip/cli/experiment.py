@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import (
     Settings,
@@ -15,6 +17,7 @@ from gpszip.cli.options import (
     force,
     quiet,
     robot_options,
+    seed_option,
     skip_bad_logs,
     time_options,
     time_order_options,
@@ -25,7 +28,7 @@ from gpszip.experiments.listing import ALL, EXPERIMENTS, Experiment, experiments
 
 if TYPE_CHECKING:
     from gpszip.experiments.experiment import Setting
-    from gpszip.model import ReadResult, Track
+    from gpszip.model import Network, ReadResult, Track
 
 __all__ = ["command"]
 
@@ -62,19 +65,20 @@ _HELP = "\n".join(
     help="Folder to write to.",
 )
 @click.option("--quick", is_flag=True, help="Small logs, few settings and effort 1, to try it.")
-@click.option(
-    "--seed",
-    type=click.IntRange(0),
-    default=1,
-    show_default=True,
-    help="Seed of the generated logs.",
-)
+@seed_option("the generated logs")
 @click.option(
     "--rmse",
     type=LENGTH,
     metavar="LENGTH",
     help="RMSE of the thesis's pipeline in tables; by default that of the thesis for generated "
     "logs, and that at the elbow of the cost for yours.",
+)
+@click.option(
+    "--network",
+    metavar="FILE",
+    multiple=True,
+    help="Roads about LOG, for figures 5.1 and 8.5: NETWORK_FORMATS.",
+    shell_complete=complete_files(),
 )
 @time_order_options
 @skip_bad_logs
@@ -94,6 +98,7 @@ def command(
     quick: bool,
     seed: int,
     rmse: float | None,
+    network: tuple[str, ...],
     quiet: bool,
     force: bool,
     **reading: Any,
@@ -107,7 +112,10 @@ def command(
 
     # Refuse what can be refused before any work.
     require_matplotlib()
-    target, experiments = Path(folder), experiments_named(name)
+    target = Path(folder)
+    experiments = _without_roads(
+        experiments_named(name), logs, network, quiet=quiet or settings.json
+    )
     make_folder(target, "-o")
     for experiment in experiments:
         check_output(str(target / f"{experiment.name}.md"), force=force)
@@ -117,12 +125,13 @@ def command(
     if read_result is not None and not quiet and not settings.json:
         print_losses(read_result)
     tracks = () if read_result is None else _with_times(read_result)
-    setting = Setting(tracks, rmse, seed, quick)
+    roads = _read_roads(network, tracks)
+    setting = Setting(tracks, rmse, seed, quick, roads)
     written: list[str] = []
     for experiment in experiments:
         if not quiet and not settings.json:
             print_status(f"{experiment.name}: {experiment.description}")
-        text = _command_text(experiment.name, logs, setting)
+        text = _command_text(experiment.name, logs, network, setting)
         written += _run(experiment, setting, target, text, force=force)
 
     # Say what was written.
@@ -131,6 +140,46 @@ def command(
     elif not quiet:
         print_status(f"in {folder}: {', '.join(written)}")
     return Outcome.DONE if read_result is None or read_result.complete else Outcome.LEFT_OUT
+
+
+def _without_roads(
+    experiments: Sequence[Experiment],
+    logs: Sequence[str],
+    network: Sequence[str],
+    *,
+    quiet: bool,
+) -> list[Experiment]:
+    """Return the experiments that can run: of all, those that lack roads are left out.
+
+    Raises
+    ------
+    OptionError
+        If the only one lacks roads.
+    """
+    from gpszip.cli.output import print_status
+    from gpszip.errors import OptionError
+
+    # Roads of generated logs are known.
+    lacking = [each for each in experiments if each.needs_roads and logs and not network]
+    if lacking and len(experiments) == 1:
+        raise OptionError(
+            f"{lacking[0].name} patches gaps along roads, and has none for your log",
+            remedy="name a road network with --network",
+        )
+
+    # Of all experiments, the others run.
+    for each in lacking if not quiet else ():
+        print_status(f"{each.name}: left out, as it needs roads; name them with --network")
+    return [each for each in experiments if each not in lacking]
+
+
+def _read_roads(network: Sequence[str], tracks: Sequence[Track]) -> Network | None:
+    """Read the roads about the user's tracks, if there are any."""
+    if not (network and tracks):
+        return None
+    from gpszip.pipeline.match import read_network
+
+    return read_network(list(network), near=tracks).network
 
 
 def _with_times(read_result: ReadResult) -> tuple[Track, ...]:
@@ -168,9 +217,11 @@ def _run(
     )
 
 
-def _command_text(name: str, logs: tuple[str, ...], setting: Setting) -> str:
+def _command_text(name: str, logs: Sequence[str], network: Sequence[str], setting: Setting) -> str:
     """Return the command that runs one experiment the same way, with all that changes numbers."""
     words = ["gpszip", "experiment", name, *map(shlex.quote, logs)]
+    for path in network:
+        words += ["--network", shlex.quote(path)]
     words += ["--quick"] if setting.quick else []
     words += ["--seed", str(setting.seed)]
     words += [] if setting.rmse is None else ["--rmse", f"{setting.rmse:g}m"]

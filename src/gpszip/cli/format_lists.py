@@ -47,6 +47,12 @@ def _list_routes() -> str:
     return " or ".join(ROUTE_FORMATS)
 
 
+def _list_segments() -> str:
+    from gpszip.io.segments import SEGMENT_FORMATS
+
+    return ", ".join(SEGMENT_FORMATS)
+
+
 #: What stands for a list in help texts, and how the list is made.
 #: A name that contains another one comes before it: LOG_FORMATS is a part of WRITTEN_LOG_FORMATS.
 _LISTS: dict[str, Callable[[], str]] = {
@@ -55,6 +61,7 @@ _LISTS: dict[str, Callable[[], str]] = {
     "NETWORK_FORMATS": _list_networks,
     "MAP_FORMATS": _list_maps,
     "ROUTE_FORMATS": _list_routes,
+    "SEGMENT_FORMATS": _list_segments,
 }
 
 

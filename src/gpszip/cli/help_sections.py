@@ -14,13 +14,16 @@ _MIN_OPTIONS = 15
 #: Sections in the order in which they are shown, with the names of their parameters. What no
 #: section names is a matter of the command itself, and comes first.
 _SECTIONS = {
+    "Sources": ("http", "mqtt", "gpsd", "nmea", "stdin"),
+    "Archive": ("archive", "every", "roll_now"),
     "Error bound": ("rmse", "max_error", "size", "ratio"),
     "Map": ("map_name", "update_map", "append", "network"),
-    "Learning": ("effort", "coreset", "k", "m", "layer"),
+    "Learning": ("effort", "coreset", "k", "m", "given", "memo", "layer"),
     "Reading": (
         "raw",
         "format",
         "columns",
+        "weight",
         "time_unit",
         "dates",
         "clean",
@@ -31,9 +34,9 @@ _SECTIONS = {
     ),
     "Logs of robots": ("topics", "frame", "times_file", "rate"),
     "Selection": ("tracks", "since", "until", "bbox"),
-    "What is kept": ("keep", "keep_times", "times"),
+    "What is kept": ("keep", "heights", "keep_times", "times"),
     "Work": ("memory", "workers", "engine", "scheduler", "dry_run"),
-    "Output": ("target", "kind", "force", "quiet", "json", "debug", "--help"),
+    "Output": ("target", "places_target", "kind", "force", "quiet", "json", "debug", "--help"),
 }
 
 

@@ -58,16 +58,16 @@ def timezone_option(command: F) -> F:
 
 def history_options(command: F) -> F:
     """Add the options of reading an archive, or logs that are compressed on the way."""
-    return log_options(selection_options(command))
+    return map_option(log_options(command))
 
 
 def log_options(command: F) -> F:
-    """Add those options but the ones that select tracks, times and an area."""
-    return map_option(reading_options(command))
+    """Add the options of reading logs, and parts of them."""
+    return reading_options(selection_options(command))
 
 
 def reading_options(command: F) -> F:
-    """Add those options but the map of the archive, too: those of reading logs."""
+    """Add the options of reading logs as a whole."""
     decorators: Sequence[Callable[[F], F]] = (
         click.option("--clean", is_flag=True, help="Drop outliers of logs, as compress does."),
         time_order_options,

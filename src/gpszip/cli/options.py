@@ -24,6 +24,7 @@ __all__ = [
     "output_option",
     "quiet",
     "robot_options",
+    "seed_option",
     "skip_bad_logs",
     "time_options",
     "time_order_options",
@@ -104,6 +105,13 @@ def network_option(command: F) -> F:
         help=text,
         shell_complete=complete_files(),
     )(command)
+
+
+def seed_option(of: str) -> Callable[[F], F]:
+    """Return a decorator that adds the option --seed of what is generated."""
+    return click.option(
+        "--seed", type=click.IntRange(0), default=1, show_default=True, help=f"Seed of {of}."
+    )
 
 
 def ignore_oneway(command: F) -> F:

@@ -11,10 +11,10 @@ import numpy as np
 
 from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.histories import outcome_of, reading_options
+from gpszip.cli.histories import log_options, outcome_of
 from gpszip.cli.options import Settings, common_options, force
 from gpszip.cli.outcome import Outcome
-from gpszip.cli.selecting import pop_selection, select_from, selection_options
+from gpszip.cli.selecting import pop_selection, select_from
 from gpszip.cli.units import format_count, format_length
 
 if TYPE_CHECKING:
@@ -59,8 +59,7 @@ _MAX_NAMED = 3
     metavar="N",
     help="Destinations of each track.",
 )
-@reading_options
-@selection_options
+@log_options
 @force
 @common_options
 @click.pass_obj

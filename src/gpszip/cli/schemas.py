@@ -531,6 +531,60 @@ _MERGE: Fields = {
     "left_out": _table("string: why", "archives that can't be read"),
 }
 
+#: A place, as a row of trips --places. Hours and weekdays are missing where times are no dates.
+_PLACE = {
+    "type": "object",
+    "description": "lat and lon, or x, y and z; h00 to h23 and mon to sun are seconds spent there",
+    "properties": {
+        "place": _field("integer: number, by the time spent there"),
+        "spread": _field("number: root mean square distance of its stays in metres"),
+        "visits": _field("integer: stays"),
+        "dwell_s": _field("number: seconds of all stays"),
+        "first": _field("number|null: begin of the first stay"),
+        "last": _field("number|null: end of the last stay"),
+        "departures": _field("integer: trips from there"),
+        "arrivals": _field("integer: trips to there"),
+        "role": _field("string: home, work or empty, by the hours of stays"),
+        "evidence": _field("string: the counts behind the role"),
+        "usual_hours": _field("string: local hours such as 0-7, 18-24"),
+    },
+    "required": ["place", "spread", "visits", "dwell_s", "first", "last", "role", "evidence"],
+    "additionalProperties": _field("number: a coordinate, or seconds of an hour or weekday"),
+}
+
+#: What gpszip trips found.
+_TRIPS: Fields = {
+    "output": "string|null: file of stays and trips; - is standard output",
+    "places_output": "string|null: file of places; - is standard output",
+    "trips": "integer: trips",
+    "stays": "integer: stays",
+    "length": "number: metres of all trips",
+    "moving_s": "number: seconds in motion of all trips",
+    "unseen": "integer: changes of place in gaps, which are no trips",
+    "doubtful": "integer: single fixes far off between gaps, which are left out",
+    "timezone": "string|null: time zone of local hours; null where times are no dates",
+    "timezone_from": {
+        "enum": ["option", "place", "default", None],
+        "description": "who said the time zone",
+    },
+    "places": _list(_PLACE, "places, by the time spent there"),
+    "matrix": _list(
+        _object(
+            {
+                "from": "integer: number of a place",
+                "to": "integer: number of a place",
+                "trips": "integer: trips from the one to the other",
+                "median_s": "number: median of their durations in seconds",
+            }
+        ),
+        "trips between places, most frequent first",
+    ),
+    "read": {
+        "anyOf": [_object(_READ), {"type": "null"}],
+        "description": "what reading the log lost and repaired; null for an archive",
+    },
+}
+
 _CORESET: Fields = {
     "samples": "integer: samples of the log",
     "tracks": "integer: tracks",
@@ -544,6 +598,27 @@ _CORESET: Fields = {
     "least_cost": "number|null: least cost of any k segments, in square metres",
     "uneven_blocks": "integer: blocks of uneven times",
     **_READ,
+}
+
+_SEGMENTS: Fields = {
+    "k": "integer: parts",
+    "m": "integer: segments that they share",
+    "points": "integer: samples of the logs",
+    "tracks": "integer: tracks",
+    "runs": "integer: tracks, and pieces between gaps",
+    "gap": "number|null: longer intervals, in seconds, are gaps; null for none",
+    "cost": "number: fitting cost in square metres; of a coreset, its estimate",
+    "cost_bounds": {
+        "type": ["array", "null"],
+        "items": {"type": "number"},
+        "description": "bounds on the cost by the coreset; null without one",
+    },
+    "least_cost": "number|null: bound on the cost of any k segments; null without a coreset",
+    "rmse": "number: root mean square error in metres; at most that for a coreset alone",
+    "max_error": "number|null: largest error of any sample in metres; null for a coreset alone",
+    "log_likelihood": "number: natural logarithm of the likelihood under the Markov model",
+    "log_likelihood_transitions": "number: share of it of the transitions between segments",
+    "log_likelihood_samples": "number: share of it of the samples about the segments",
 }
 
 _NETWORK: Fields = {
@@ -602,6 +677,18 @@ _PARTS: Fields = {
     "parts": _list(_object(_ARCHIVE), "archives that were written"),
 }
 
+#: What was appended to archives.
+_ROLLED = _object(
+    {
+        "fixes": "integer: fixes of the journal, without repeats",
+        "known": "integer: those of them that archives held already",
+        "late": "integer: those that went to further tracks of their agents",
+        "damaged": "integer: records that can't be read",
+        "segments": "integer: segments that were deleted",
+        "archives": _list("string: a file", "archives that were written"),
+    }
+)
+
 #: Fields of each command's output, and those that may be missing.
 _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "compress": ({**_OUTPUT, **_COMPRESSION}, {}),
@@ -617,9 +704,11 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "map": ({**_OUTPUT, "edges": "integer: edges that were written"}, {}),
     "plot": ({**_OUTPUT, **_PLOT}, _READ),
     "coreset": ({**_OUTPUT, **_CORESET}, {}),
+    "segments": ({**_OUTPUT, **_SEGMENTS}, _READ),
     "network": ({**_OUTPUT, **_NETWORK}, {}),
     "match": ({**_OUTPUT, **_MATCH}, {}),
     "patch": ({**_OUTPUT, **_PATCH}, {}),
+    "trips": (_TRIPS, {}),
     "merge": ({**_OUTPUT, **_MERGE}, {}),
     "view": ({**_OUTPUT, "bytes": "integer: size of the page"}, _VIEW_LOG),
     "join": (_ARCHIVE, {}),
@@ -627,9 +716,9 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "split": (_PARTS, {}),
     "usage": (_USAGE, {}),
     "route": (_PLAN, {}),
+    "changes": (_CHANGES, {}),
     "predict": (_PREDICT, {}),
     "unusual": (_UNUSUAL, {}),
-    "changes": (_CHANGES, {}),
     "diff": (
         {
             "a": "string: the first file",
@@ -657,6 +746,29 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     ),
     "decompress --exact": (
         {"output": "string|null: file or folder", "logs": "integer: logs written"},
+        {},
+    ),
+    "listen": (
+        {
+            "journal": "string: folder of the journal",
+            "stored": "integer: fixes stored",
+            "counts": _table("integer: how often", "what else happened, such as repeats"),
+            "archived": {
+                "anyOf": [{"type": "null"}, _ROLLED],
+                "description": "what was appended to archives; null without --archive",
+            },
+        },
+        {},
+    ),
+    "replay": (
+        {
+            "to": "string: where it was sent",
+            "tracks": "integer: tracks",
+            "points": "integer: points",
+            "messages": "integer: messages with them",
+            "repeated": "integer: messages sent again, since their answer did not come",
+            "lag_s": "number: seconds by which the latest message was late",
+        },
         {},
     ),
     "info": (_INFO, _DETAIL),

@@ -50,6 +50,7 @@ GPSZIP_MEMORY      --memory of compress, such as 1GiB
 GPSZIP_WORKERS     --workers
 GPSZIP_ENGINE      --engine: threads or processes
 GPSZIP_SCHEDULER   --scheduler: the address of a Dask cluster
+GPSZIP_TOKEN       --token of listen and replay
 NO_COLOR           no colours in progress bars
 TMPDIR             where logs larger than memory are sorted
 

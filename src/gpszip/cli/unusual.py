@@ -11,10 +11,10 @@ import numpy as np
 
 from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.histories import outcome_of, reading_options
+from gpszip.cli.histories import log_options, outcome_of
 from gpszip.cli.options import Settings, common_options, force
 from gpszip.cli.outcome import Outcome
-from gpszip.cli.selecting import pop_selection, selection_options
+from gpszip.cli.selecting import pop_selection
 from gpszip.cli.units import format_count
 
 if TYPE_CHECKING:
@@ -67,8 +67,7 @@ _DAY = 86_400.0
     metavar="BITS",
     help="Score from which a trip counts as unusual.",
 )
-@reading_options
-@selection_options
+@log_options
 @force
 @common_options
 @click.pass_obj

@@ -15,7 +15,7 @@ from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import format_count
 
 if TYPE_CHECKING:
-    from gpszip.history.markov import Likelihood
+    from gpszip.history.transitions import RouteLikelihood
     from gpszip.history.usage import Usage
     from gpszip.model import ReadResult
 
@@ -171,7 +171,7 @@ def _write_transitions(found: Usage, target: str) -> None:
 
 
 def _facts(
-    found: Usage, likelihood: Likelihood | None, read_result: ReadResult | None
+    found: Usage, likelihood: RouteLikelihood | None, read_result: ReadResult | None
 ) -> dict[str, Any]:
     """Return the result for JSON: lengths in metres, times in seconds."""
     from gpszip.cli.summary import losses_as_dict, repairs_as_dict
@@ -215,7 +215,7 @@ def _facts(
     }
 
 
-def _describe(found: Usage, likelihood: Likelihood | None) -> list[str]:
+def _describe(found: Usage, likelihood: RouteLikelihood | None) -> list[str]:
     """Return lines about what was found, for a person."""
     # All of it.
     rows = found.traversals

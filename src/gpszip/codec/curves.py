@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
@@ -27,9 +27,12 @@ __all__ = [
     "UNITS",
     "Curve",
     "CurveColumn",
+    "CurveSlice",
+    "check_range",
     "decode_knots",
     "encode_knots",
     "fit_column",
+    "fit_slices",
     "max_rows",
     "times_of_knots",
 ]
@@ -143,6 +146,24 @@ class CurveColumn:
         return Curve(times / self.unit, values * self.step, np.append(kinds[1:] != GOES_ON, True))
 
 
+class CurveSlice(NamedTuple):
+    """Samples of one track that follow each other.
+
+    Parameters
+    ----------
+    track : int
+        Number of the track.
+    times : float64 array, shape (n,)
+        Seconds.
+    values : array, shape (n,)
+        NaN where there is none.
+    """
+
+    track: int
+    times: Floats
+    values: NDArray[np.generic]
+
+
 def fit_column(
     times: Sequence[Floats], values: Sequence[NDArray[np.generic]], bound: float, name: str = ""
 ) -> CurveColumn:
@@ -168,32 +189,124 @@ def fit_column(
     >>> column.knots[0].tolist()
     [[2, 0, 0], [0, 4, 16]]
     """
-    columns = [_as_numbers(each, name) for each in values]
-    largest = max(
-        (float(np.nanmax(np.abs(v))) for v in columns if not np.isnan(v).all()), default=0
-    )
-    if not largest / (bound * _STEP_SHARE) < _MAX_MAGNITUDE:
+    slices = [
+        CurveSlice(track, when, own)
+        for track, (when, own) in enumerate(zip(times, values, strict=True))
+    ]
+    return fit_slices(lambda: slices, len(slices), bound, name)
+
+
+def fit_slices(
+    slices: Callable[[], Iterable[CurveSlice]],
+    tracks: int,
+    bound: float,
+    name: str = "",
+    *,
+    step: float | None = None,
+    max_knots: int | None = None,
+) -> CurveColumn:
+    """Fit curves as :func:`fit_column` does to a log of any length, slice by slice.
+
+    A knot more may stand where two slices of a track meet.
+
+    Parameters
+    ----------
+    slices : callable
+        Returns all slices, track by track and in the order of time; it is called several times.
+    tracks : int
+        Number of tracks.
+    bound, name
+        As for :func:`fit_column`.
+    step : float, optional
+        Unit of values; half of the bound by default.
+    max_knots : int, optional
+        Most knots that there is memory for.
+
+    Raises
+    ------
+    OptionError
+        As for :func:`fit_column`; also if there are too many knots.
+
+    Examples
+    --------
+    >>> when = np.arange(4.0)
+    >>> slices = [CurveSlice(0, when, when), CurveSlice(0, when + 4, when + 4)]
+    >>> fit_slices(lambda: slices, 1, 0.5).knots[0][:, 1].tolist()
+    [0, 3, 4, 7]
+    """
+    # Values that the grid can count.
+    step = bound * _STEP_SHARE if step is None else step
+    largest, coarsest = 0.0, 0
+    for each in slices():
+        numbers = np.abs(_as_numbers(each.values, name))
+        largest = max(largest, float(np.fmax.reduce(numbers, initial=0.0)))
+        coarsest = max(coarsest, _coarsest_unit(each.times))
+    if not largest / step < _MAX_MAGNITUDE:
         raise OptionError(
             f"column {name!r} has values up to {largest:.3g}, too many for a bound of {bound:g}",
             remedy="keep it exactly, or allow a larger error",
         )
 
     # The coarsest unit of time that all times are on; finer ones where rounding breaks the bound.
-    step = bound * _STEP_SHARE
-    for unit, slack in product(UNITS[_coarsest_unit(times) :], _SLACK_SHARES):
-        knots = tuple(
-            _fit(each, numbers, (1 - slack) * bound, step, unit)
-            for each, numbers in zip(times, columns, strict=True)
-        )
-        column = CurveColumn(bound, step, unit, tuple(k for k in knots if k is not None))
-        if len(column.knots) < len(times) or np.ptp(times_of_knots(column)) >= _MAX_MAGNITUDE:
+    for unit, slack in product(UNITS[coarsest:], _SLACK_SHARES):
+        grid = CurveColumn(bound, step, unit, ())
+        knots = _fit_all(slices(), tracks, grid, slack, name, max_knots)
+        if knots is None:
             continue
-        if _holds(column, times, columns):
+        column = CurveColumn(bound, step, unit, knots)
+        if np.ptp(times_of_knots(column)) < _MAX_MAGNITUDE:
             return column
     raise OptionError(
         f"column {name!r} changes too fast, or at times too close, for a bound of {bound:g}",
         remedy="keep it exactly",
     )
+
+
+def _fit_all(
+    slices: Iterable[CurveSlice],
+    tracks: int,
+    grid: CurveColumn,
+    slack: float,
+    name: str,
+    max_knots: int | None,
+) -> tuple[_Ints, ...] | None:
+    """Knots of all tracks; None where the grid of times doesn't hold the bound."""
+    found: list[list[_Ints]] = [[] for _ in range(tracks)]
+    before, count = None, 0
+    for each in slices:
+        # The knots of the slice, continuing those of the slice before.
+        numbers = _as_numbers(each.values, name)
+        own = _fit(each.times, numbers, (1 - slack) * grid.bound, grid.step, grid.unit)
+        before = before if before is not None and before.track == each.track else None
+        earlier = found[each.track]
+        if own is None or (len(own) and earlier and earlier[-1][-1, 1] >= own[0, 1]):
+            return None
+        if len(own) and earlier:
+            goes_on = before is not None and not np.isnan([before.values[-1], numbers[0]]).any()
+            own[0, 0] = GOES_ON if goes_on else BEGINS_RUN
+
+        # The bound, also at the last sample before: between two slices lies a line, too.
+        window = np.concatenate([earlier[-1][-2:], own]) if earlier else own
+        times, values = each.times, numbers
+        if before is not None and len(own):
+            times = np.append(before.times[-1:], times)
+            values = np.append(before.values[-1:].astype(np.float64), values)
+        if not _holds(CurveColumn(grid.bound, grid.step, grid.unit, (window,)), times, values):
+            return None
+        if len(own):
+            earlier.append(own)
+        if len(numbers):
+            before = CurveSlice(each.track, each.times, numbers)
+
+        # Knots that there is memory for.
+        count += len(own)
+        if max_knots is not None and count > max_knots:
+            raise OptionError(
+                f"column {name!r} takes more than {max_knots:,} knots within {grid.bound:g}, "
+                "more than fit the memory",
+                remedy="allow a larger error or more --memory, or keep it exactly",
+            )
+    return tuple(np.concatenate([np.zeros((0, 3), np.int64), *own]) for own in found)
 
 
 def _as_numbers(values: NDArray[np.generic], name: str) -> Floats:
@@ -207,17 +320,17 @@ def _as_numbers(values: NDArray[np.generic], name: str) -> Floats:
     return np.where(np.isfinite(numbers), numbers, np.nan)
 
 
-def _coarsest_unit(times: Sequence[Floats]) -> int:
+def _coarsest_unit(times: Floats) -> int:
     """Number of the coarsest unit on which all times lie; that of a millisecond where none is."""
     milliseconds = UNITS.index(1000)
     for number, unit in enumerate(UNITS[:milliseconds]):
-        if all((np.abs(np.rint(t * unit) / unit - t) <= _UNIT_TOLERANCE).all() for t in times):
+        if (np.abs(np.rint(times * unit) / unit - times) <= _UNIT_TOLERANCE).all():
             return number
     return milliseconds
 
 
 def _fit(times: Floats, values: Floats, bound: float, step: float, unit: int) -> _Ints | None:
-    """Knots of one track; None where times are too close, or too large, for the unit."""
+    """Knots of one slice; None where times are too close, or too large, for the unit."""
     # Times in their unit, of the samples that have a value.
     present = np.flatnonzero(~np.isnan(values))
     if not len(present):
@@ -269,20 +382,35 @@ def _fit_run(ticks: _Ints, values: Floats, bound: float) -> _Ints | None:
     return np.array(knots[::-1], np.int64)
 
 
-def _holds(column: CurveColumn, times: Sequence[Floats], values: Sequence[Floats]) -> bool:
-    """Whether the bound holds at every sample, and holes are where they were."""
-    for track, (when, own) in enumerate(zip(times, values, strict=True)):
-        found = column.curve(track).at(when)
-        is_off = ~(np.abs(found - own) <= column.bound) & ~np.isnan(own)
-        if is_off.any():
-            return False
-    return True
+def _holds(column: CurveColumn, times: Floats, values: Floats) -> bool:
+    """Whether the first curve of a column is within the bound of samples."""
+    found = column.curve(0).at(times)
+    is_off = ~(np.abs(found - values) <= column.bound) & ~np.isnan(values)
+    return not is_off.any()
 
 
 def times_of_knots(column: CurveColumn) -> _Ints:
     """Times of the knots of all tracks; a zero where there are none."""
     times = np.concatenate([np.zeros(0, np.int64), *(own[:, 1] for own in column.knots)])
     return times if len(times) else np.zeros(1, np.int64)
+
+
+def check_range(column: CurveColumn, name: str) -> CurveColumn:
+    """Return a column whose numbers can be coded.
+
+    Raises
+    ------
+    OptionError
+        If times span too much, or values are too large, for their units.
+    """
+    times = times_of_knots(column)
+    values = max((int(np.abs(own[:, 2]).max(initial=0)) for own in column.knots), default=0)
+    if np.abs(times).max() >= MAX_FIRST or max(int(np.ptp(times)), values) >= _MAX_MAGNITUDE:
+        raise OptionError(
+            f"the times or values of column {name!r} are too far apart for one archive",
+            remedy="keep the archives apart",
+        )
+    return column
 
 
 def max_rows(size: int) -> int:

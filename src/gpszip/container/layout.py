@@ -10,6 +10,7 @@ from gpszip.errors import CorruptArchiveError
 
 __all__ = [
     "CHECKSUM_BYTES",
+    "CURVE_KINDS",
     "END_BYTES",
     "HEAD_BYTES",
     "MAGIC",
@@ -96,6 +97,11 @@ class SectionKind(IntEnum):
     EXACT_LOGS = 9  # the logs, byte by byte
     CODED_ATTRIBUTES = 10  # kept times and columns, by the coder of lossless columns
     CURVES = 11  # columns kept within an error
+    SHORT_CURVES = 12  # the same, with bounds of two bytes
+
+
+#: Kinds of sections that hold curves, of which there is at most one.
+CURVE_KINDS = (SectionKind.CURVES, SectionKind.SHORT_CURVES)
 
 
 @dataclass(frozen=True)

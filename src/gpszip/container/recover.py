@@ -12,6 +12,7 @@ from gpszip.container.expansion import unpack_bz2
 from gpszip.container.grid_record import read_grid
 from gpszip.container.group_index import read_group
 from gpszip.container.layout import (
+    CURVE_KINDS,
     HEAD_BYTES,
     SECTION_MARKER,
     Cursor,
@@ -36,7 +37,7 @@ _FREE_WORK = 1 << 20
 _WORK_PER_BYTE = 8
 
 #: Sections that stand for all tracks together.
-_OF_ALL_TRACKS = (SectionKind.ATTRIBUTES, SectionKind.CODED_ATTRIBUTES, SectionKind.CURVES)
+_OF_ALL_TRACKS = (SectionKind.ATTRIBUTES, SectionKind.CODED_ATTRIBUTES, *CURVE_KINDS)
 
 
 @dataclass(frozen=True)
@@ -215,9 +216,7 @@ def _read_extras(
     )
     if has_all_tracks or all(extra.kind not in _OF_ALL_TRACKS for extra in extras):
         return extras
-    are_curves = all(
-        extra.kind == SectionKind.CURVES for extra in extras if extra.kind in _OF_ALL_TRACKS
-    )
+    are_curves = all(extra.kind in CURVE_KINDS for extra in extras if extra.kind in _OF_ALL_TRACKS)
     what = "columns kept within an error" if are_curves else "kept columns and times of samples"
     lost.append(f"{what}, as they stand for all tracks together")
     return tuple(extra for extra in extras if extra.kind not in _OF_ALL_TRACKS)

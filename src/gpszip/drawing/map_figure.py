@@ -149,8 +149,14 @@ def add_legend(figure: Figure, layout: Layout, handles: Sequence[Any]) -> None:
         )
 
 
-def add_color_bar(figure: Figure, layout: Layout, mappable: Any, ends: tuple[int, int]) -> None:
-    """Explain the colours of traversals below the map at left."""
+def add_color_bar(
+    figure: Figure,
+    layout: Layout,
+    mappable: Any,
+    ends: tuple[int, int],
+    what: str = "traversals",
+) -> None:
+    """Explain the colours of traversals, or of something else, below the map at left."""
     if not layout.legend:
         return
 
@@ -164,7 +170,7 @@ def add_color_bar(figure: Figure, layout: Layout, mappable: Any, ends: tuple[int
     bar.minorticks_off()
 
     # What its ends mean.
-    low, high = f"{ends[0]:,}", f"{ends[1]:,} traversals"
+    low, high = f"{ends[0]:,}", f"{ends[1]:,} {what}"
     for x, text, side in ((-0.04, low, "right"), (1.04, high, "left")):
         bar.text(x, 0.45, text, transform=bar.transAxes, ha=side, va="center")
 

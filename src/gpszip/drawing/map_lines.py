@@ -149,7 +149,7 @@ def draw_lines(axes: Axes, lines: MapLines) -> None:
     )
 
 
-def samples_legend(positions: Sequence[Floats]) -> list[Any]:
+def samples_legend(positions: Sequence[Floats], color: str = LOG_COLOR) -> list[Any]:
     """Return the legend of the samples of a log; none where there are no samples."""
     from matplotlib.lines import Line2D
 
@@ -163,7 +163,7 @@ def samples_legend(positions: Sequence[Floats]) -> list[Any]:
             linestyle="",
             marker="o",
             markersize=3,
-            color=LOG_COLOR,
+            color=color,
             label=count_text(count, "point"),
         )
     ]

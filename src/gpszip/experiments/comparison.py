@@ -82,12 +82,16 @@ def pipeline_table(compared: Sequence[Compared]) -> Table:
         if each.published is not None:
             rows.append(_published_row(each.published))
         rows.append(_pipeline_row(each))
+
+    # Times are left out, as in the thesis.
     title = "The thesis's pipeline; ratios of text sizes without times"
     return Table("", title, _PIPELINE_COLUMNS, tuple(rows))
 
 
 def _published_row(published: Published) -> dict[str, Value]:
-    return {
+    """Return a row of what the thesis states; k and the maximum stay empty."""
+    # The log and the map; m is half of the nodes.
+    row: dict[str, Value] = {
         "log": published.log,
         "data": _THEIRS,
         "points": published.points,
@@ -96,6 +100,10 @@ def _published_row(published: Published) -> dict[str, Value]:
         "nodes": published.nodes,
         "edges": published.edges,
         "waypoints": published.waypoints,
+    }
+
+    # Ratios and the error.
+    return row | {
         "bzip2": published.bzip2,
         "semantic": published.semantic,
         "semantic_bzip2": published.both,
@@ -105,8 +113,10 @@ def _published_row(published: Published) -> dict[str, Value]:
 
 
 def _pipeline_row(compared: Compared) -> dict[str, Value]:
+    """Return the row of the thesis's pipeline here."""
+    # The log and the map.
     result = compared.thesis
-    return {
+    row: dict[str, Value] = {
         "log": compared.log,
         "data": _OURS,
         "points": result.points,
@@ -116,6 +126,10 @@ def _pipeline_row(compared: Compared) -> dict[str, Value]:
         "nodes": result.nodes,
         "edges": result.edges,
         "waypoints": result.waypoints,
+    }
+
+    # Ratios and errors.
+    return row | {
         "bzip2": result.sizes.bzip2_ratio,
         "semantic": result.sizes.semantic_ratio,
         "semantic_bzip2": result.sizes.both_ratio,
@@ -132,17 +146,27 @@ def archive_table(compared: Sequence[Compared]) -> Table:
 
 
 def _archive_row(compared: Compared) -> dict[str, Value]:
+    """Return the bytes of both, and their errors."""
+    # Without times, as the thesis counts.
     thesis, archive = compared.thesis, compared.archive
-    return {
+    row: dict[str, Value] = {
         "log": compared.log,
         "text_bytes": thesis.sizes.log,
         "thesis_bytes": thesis.sizes.semantic_bzip2,
         "archive_bytes": archive.bytes_without_times,
         "smaller": thesis.sizes.semantic_bzip2 / archive.bytes_without_times,
+    }
+
+    # With times.
+    row |= {
         "timed_text_bytes": thesis.timed_sizes.log,
         "timed_thesis_bytes": thesis.timed_sizes.semantic_bzip2,
         "timed_archive_bytes": archive.bytes,
         "timed_smaller": thesis.timed_sizes.semantic_bzip2 / archive.bytes,
+    }
+
+    # Errors.
+    return row | {
         "thesis_rmse_m": thesis.rmse,
         "archive_rmse_m": archive.rmse,
         "thesis_max_m": thesis.max_error,

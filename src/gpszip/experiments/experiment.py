@@ -8,7 +8,7 @@ import numpy as np
 
 from gpszip.drawing.style import FigureType
 from gpszip.experiments.table import Table
-from gpszip.model import Track
+from gpszip.model import Network, Track
 
 __all__ = ["Outcome", "Picture", "Setting", "first_samples"]
 
@@ -28,12 +28,15 @@ class Setting:
         Seed of generated logs.
     quick : bool
         Whether to take small logs, few settings and the least effort, to try the experiment.
+    network : Network, optional
+        Roads about the user's tracks; those of generated logs are known.
     """
 
     logs: tuple[Track, ...] = ()
     rmse: float | None = None
     seed: int = 1
     quick: bool = False
+    network: Network | None = None
 
 
 @dataclass(frozen=True, eq=False)

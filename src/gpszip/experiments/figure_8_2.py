@@ -12,7 +12,8 @@ from gpszip.drawing.map_lines import (
 )
 from gpszip.drawing.style import COLUMN_WIDTH, FigureType, Layout, require_matplotlib, style
 from gpszip.experiments.experiment import Outcome, Picture, Setting, first_samples
-from gpszip.experiments.table import Column, Table
+from gpszip.experiments.map_table import map_table
+from gpszip.experiments.target_rmse import target_rmse
 from gpszip.experiments.thesis_pipeline import ThesisResult, run_thesis
 from gpszip.model import Track
 from gpszip.testing import quadrotor
@@ -30,41 +31,16 @@ def run(setting: Setting) -> Outcome:
     """Draw the log of the quadrotor, or the user's first track, and its maps."""
     track = setting.logs[0] if setting.logs else quadrotor(seed=setting.seed).tracks[0]
     track = first_samples(track, _QUICK) if setting.quick else track
-    bounds = _RMSES if setting.rmse is None else (setting.rmse,)
+    bounds = dict.fromkeys(target_rmse(setting, track, published) for published in _RMSES)
     results = [run_thesis(track, rmse) for rmse in bounds]
 
     # The log alone, and each map over it.
+    named = {f"map-{number}": result for number, result in enumerate(results, 1)}
     pictures = [Picture("log", "The log.", _draw(track, None))]
-    for result in results:
+    for name, result in named.items():
         caption = f"The map of {result.nodes} nodes over the log, RMSE {result.rmse:.2f} m."
-        pictures.append(Picture(f"map-{len(pictures)}", caption, _draw(track, result)))
-    return Outcome((_table(results),), tuple(pictures))
-
-
-def _table(results: list[ThesisResult]) -> Table:
-    # k and m, the size of the map, and the error.
-    columns = (
-        Column("k", "k"),
-        Column("m", "m"),
-        Column("nodes", "nodes"),
-        Column("edges", "edges"),
-        Column("rmse_m", "RMSE m", 2),
-        Column("max_m", "max m", 2),
-    )
-
-    # A row for each map.
-    rows = tuple(
-        {
-            "k": each.mean.k,
-            "m": each.mean.m,
-            "nodes": each.nodes,
-            "edges": each.edges,
-            "rmse_m": each.rmse,
-            "max_m": each.max_error,
-        }
-        for each in results
-    )
-    return Table("", "Maps of the thesis's pipeline", columns, rows)
+        pictures.append(Picture(name, caption, _draw(track, result)))
+    return Outcome((map_table(named),), tuple(pictures))
 
 
 def _draw(track: Track, result: ThesisResult | None) -> FigureType:

@@ -27,11 +27,14 @@ class Experiment:
         Module with its function ``run``, which takes a
         :class:`~gpszip.experiments.experiment.Setting` and returns an
         :class:`~gpszip.experiments.experiment.Outcome`.
+    needs_roads : bool, default False
+        Whether logs of the user need a road network.
     """
 
     name: str
     description: str
     module: str
+    needs_roads: bool = False
 
 
 #: All experiments, in the order in which ``all`` runs them.
@@ -47,9 +50,65 @@ EXPERIMENTS: tuple[Experiment, ...] = (
         "gpszip.experiments.table_8_2",
     ),
     Experiment(
+        "figure-1.1",
+        "density of the points of taxis, and zoomed in",
+        "gpszip.experiments.figure_1_1",
+    ),
+    Experiment(
+        "figure-1.2",
+        "k segments, and k parts on m segments, in x, y and time",
+        "gpszip.experiments.figure_1_2",
+    ),
+    Experiment(
+        "figure-1.3",
+        "a noisy log, and the segments that smooth it, over time",
+        "gpszip.experiments.figure_1_3",
+    ),
+    Experiment(
+        "figure-5.1",
+        "gaps of a phone's log, joined and patched along roads",
+        "gpszip.experiments.figure_5_1",
+        needs_roads=True,
+    ),
+    Experiment(
+        "figure-6.3",
+        "cost over m, and its elbow",
+        "gpszip.experiments.figure_6_3",
+    ),
+    Experiment(
+        "figure-6.4",
+        "the robot's log with the segments of several m",
+        "gpszip.experiments.figure_6_4",
+    ),
+    Experiment(
+        "figure-6.5",
+        "from segments to a map",
+        "gpszip.experiments.figure_6_5",
+    ),
+    Experiment(
         "figure-8.2",
         "the quadrotor's log, and its map by the thesis's pipeline",
         "gpszip.experiments.figure_8_2",
+    ),
+    Experiment(
+        "figure-8.3",
+        "the robot's log in x, y and time, in the colours of its segments",
+        "gpszip.experiments.figure_8_3",
+    ),
+    Experiment(
+        "figure-8.4",
+        "maps of a phone's months, with the places of its person",
+        "gpszip.experiments.figure_8_4",
+    ),
+    Experiment(
+        "figure-8.5",
+        "maps of a taxi at two errors, over the true roads",
+        "gpszip.experiments.figure_8_5",
+    ),
+    Experiment(
+        "figure-8.6",
+        "maps of two taxis, and the map merged of them",
+        "gpszip.experiments.figure_8_6",
     ),
     Experiment(
         "figure-8.7",
@@ -60,6 +119,16 @@ EXPERIMENTS: tuple[Experiment, ...] = (
         "figure-8.8",
         "size of the output, and ratio, over the size of the input, of table 8.2",
         "gpszip.experiments.figure_8_8",
+    ),
+    Experiment(
+        "peers",
+        "rate against error of GPSZip, simplifiers and coders on the same logs",
+        "gpszip.experiments.compare_peers",
+    ),
+    Experiment(
+        "scaling",
+        "time, memory and bytes over points, k, m, dimensions, workers and graphs",
+        "gpszip.experiments.scaling",
     ),
     Experiment(
         "generators",

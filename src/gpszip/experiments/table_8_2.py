@@ -8,6 +8,7 @@ from gpszip.experiments.archive_pipeline import run_archive
 from gpszip.experiments.comparison import Compared, archive_table, pipeline_table, stages_table
 from gpszip.experiments.experiment import Outcome, Setting, first_samples
 from gpszip.experiments.published import TABLE_8_2
+from gpszip.experiments.target_rmse import target_rmse
 from gpszip.experiments.thesis_pipeline import run_thesis
 from gpszip.model import Track
 from gpszip.testing import patrol
@@ -44,7 +45,7 @@ def run(setting: Setting) -> Outcome:
 def compare_prefixes(setting: Setting) -> tuple[Compared, ...]:
     """Compress each of the first parts both ways."""
     track = robot_log(setting)
-    rmse = setting.rmse or _RMSE
+    rmse = target_rmse(setting, track, _RMSE)
     compared = []
     for tenth in _QUICK_TENTHS if setting.quick else _TENTHS:
         part = first_samples(track, max(len(track) * tenth // 10, 2))

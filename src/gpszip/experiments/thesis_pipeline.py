@@ -90,6 +90,8 @@ class ThesisResult:
         Samples of the track.
     coreset : int or None
         Weighted samples that the segments were learned from; None for all samples.
+    learned : Track
+        These samples.
     mean : SegmentMean
         The (k,m)-segment mean.
     segment_map : SegmentMap
@@ -108,6 +110,7 @@ class ThesisResult:
 
     points: int
     coreset: int | None
+    learned: Track
     mean: SegmentMean
     segment_map: SegmentMap
     walk: Walk
@@ -212,6 +215,7 @@ def _run(track: Track, find: Finder, coreset: int | None) -> ThesisResult:
     return ThesisResult(
         points=len(track),
         coreset=None if coreset is None else len(learned),
+        learned=learned,
         mean=mean,
         segment_map=segment_map,
         walk=walk,

@@ -1,1 +1,1 @@
-"""What a history of positions tells: stays, trips, and the places that they join."""
+"""What a history of positions tells: stays, trips, traversals of edges, and what follows."""

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import OptionError
-from gpszip.history.travel_time import Arrival, TravelTimes
+from gpszip.history.travel_time import TravelTime, TravelTimes
 from gpszip.history.traversals import History
 from gpszip.model import Network
 from gpszip.model.text import count_text
@@ -85,7 +85,7 @@ class PlannedRoute:
         Vertices in metres.
     traversals : int
         Traversals of its least travelled edge, in that direction.
-    arrival : Arrival or None
+    arrival : TravelTime or None
         Seconds with a band of 80 %; None without times in the log.
     """
 
@@ -95,7 +95,7 @@ class PlannedRoute:
     end: Floats
     line: Floats
     traversals: int
-    arrival: Arrival | None
+    arrival: TravelTime | None
 
     def __repr__(self) -> str:
         time = "" if self.arrival is None else f", {self.arrival.seconds:,.0f} s"

@@ -29,7 +29,7 @@ from gpszip.history.traversals import History, Traversals
 from gpszip.model import Network
 from gpszip.simplification.traversals import grouped_quantiles
 
-__all__ = ["Arrival", "TravelTimes", "learn_travel_times"]
+__all__ = ["TravelTime", "TravelTimes", "learn_travel_times"]
 
 #: Hours of the day.
 _HOURS = 24
@@ -90,7 +90,7 @@ Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
 
-class Arrival(NamedTuple):
+class TravelTime(NamedTuple):
     """Seconds that a route takes: expected, and an interval that holds 80 % of all drives.
 
     Parameters
@@ -190,19 +190,19 @@ class TravelTimes:
         *,
         metres: ArrayLike | None = None,
         pace: float = 1.0,
-    ) -> Arrival:
+    ) -> TravelTime:
         """Seconds that a route takes, with a band; parameters as of :meth:`seconds`."""
         total = float(self.seconds(edges, forward, depart, metres=metres, pace=pace).sum())
         return self.with_band(total)
 
-    def with_band(self, seconds: float) -> Arrival:
+    def with_band(self, seconds: float) -> TravelTime:
         """The band about expected seconds of a drive."""
         place = np.log(max(seconds, 1.0))
         low, high = (
             float(np.interp(place, np.log(self.band_seconds), self.band[:, side]))
             for side in range(2)
         )
-        return Arrival(seconds, seconds * low, seconds * high)
+        return TravelTime(seconds, seconds * low, seconds * high)
 
     def pace_so_far(self, observed: float, expected: float) -> float:
         """Pace of a drive from its observed and expected seconds, drawn to 1 while it is short.

@@ -13,7 +13,7 @@ from gpszip.errors import OptionError
 from gpszip.history.agents import AgentSpeed, cluster_agents
 from gpszip.history.calendar import PARTS, Calendar, choose_calendar
 from gpszip.history.groups import sum_by
-from gpszip.history.markov import MarkovModel, learn_markov_model
+from gpszip.history.transitions import EdgeTransitions, learn_transitions
 from gpszip.history.traversals import History, Traversals
 from gpszip.model import Network
 from gpszip.model.text import count_text
@@ -58,7 +58,7 @@ class Usage:
         Share of all metres on edges that some track had travelled before, in either direction.
     repeated_by_track : float
         The same, of edges that the same track had travelled before.
-    markov : MarkovModel
+    markov : EdgeTransitions
         Probabilities of the transitions between edges.
     """
 
@@ -70,7 +70,7 @@ class Usage:
     agents: tuple[AgentSpeed, ...]
     repeated: float
     repeated_by_track: float
-    markov: MarkovModel
+    markov: EdgeTransitions
 
     def __repr__(self) -> str:
         split = f", by {' and '.join(self.by)}" if self.by else ""
@@ -157,7 +157,7 @@ def measure_usage(
         agents=cluster_agents(rows, speeds, medians[directed]),
         repeated=_repeated_share(rows, by_track=False),
         repeated_by_track=_repeated_share(rows, by_track=True),
-        markov=learn_markov_model(network, rows),
+        markov=learn_transitions(network, rows),
     )
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.errors import OptionError
 from gpszip.mapping.segment_map import build_walk, make_map
 from gpszip.model import (
     GridWalks,
@@ -21,8 +22,9 @@ from gpszip.model import (
 )
 from gpszip.model.grid import step_index
 from gpszip.run.executor import Executor
-from gpszip.segmentation.bound import segment_mean_within
+from gpszip.segmentation.bound import Report, segment_mean_within
 from gpszip.segmentation.em import segment_mean
+from gpszip.segmentation.runs import join_tracks
 from gpszip.segmentation.search import find_parameters
 from gpszip.walks.error import ErrorSummary, measure_errors
 from gpszip.walks.quantised import choose_grid, dequantise_walks, node_positions, quantise_walks
@@ -34,9 +36,6 @@ _ROUNDING_SHARE = 0.05
 
 #: Metres below which an RMSE counts as none.
 _MIN_RMSE = 1e-3
-
-#: Largest m that is searched.
-_MAX_SEGMENTS = 100
 
 #: Refinements of the grid by half an octave each that are tried.
 _REFINEMENTS = 48
@@ -50,17 +49,18 @@ def learn_map(
     executor: Executor | None = None,
     progress: Listener | None = None,
 ) -> tuple[QuantisationGrid, GridWalks]:
-    """Learn the segment mean of one track, and round its walk to the coarsest suitable grid.
+    """Learn the segment mean of tracks, and round their walks to the coarsest suitable grid.
 
     Where k is given and m is not, m is at the elbow of the cost (algorithm 3). Where a bound is
-    given and k is not, k is the smallest that keeps it, with m as given. Gaps between pieces of the
-    segment mean are marked; a gap inside a piece is travelled through.
+    given, k is the smallest that keeps it, with m as given; or with k as given, m is. Parts don't
+    go on from track to track. Gaps between pieces of the segment mean are marked; a gap inside a
+    piece is travelled through.
 
     Parameters
     ----------
-    tracks : sequence of one Track
-        The thesis's model has one track.
-    gaps : sequence of one bool array, shape (n - 1,)
+    tracks : sequence of Track
+        All share the segments.
+    gaps : sequence of bool arrays, shape (n - 1,)
         The steps that are gaps.
     options : Options
         With k, m or both.
@@ -72,45 +72,65 @@ def learn_map(
     Returns
     -------
     QuantisationGrid, GridWalks
-        The grid, and map and walk on it.
+        The grid, and map and walks on it.
 
     Raises
     ------
     OptionError
-        If there are several tracks, or k or m don't fit the track.
+        If k or m don't fit the tracks.
     BoundError
         If no k keeps the bound.
     """
-    if len(tracks) != 1:
-        raise OptionError(
-            "k and m describe the thesis's model, which has one track; "
-            f"there are {len(tracks)}: compress each alone"
-        )
-    if progress is not None:
-        progress(Progress("segment mean", 0.0))
 
-    mean = _learn_segment_mean(tracks[0], options, executor)
-    walk = _mark_gaps(build_walk(mean, tracks[0]), tracks[0], gaps[0])
-    return _round_to_grid(tracks[0], make_map(mean).road_map.nodes, walk, options)
+    # Tell the listener that the one stage begins, and what share is done.
+    def report(done: float) -> None:
+        if progress is not None:
+            progress(Progress("segment mean", done, sum(map(len, tracks))))
+
+    report(0.0)
+    joined, begins = join_tracks(tracks)
+    mean = _learn_segment_mean(joined, begins, options, executor, report)
+
+    # Each track as a walk on the map of all.
+    walks = [
+        _mark_gaps(build_walk(part, track), track, gap)
+        for part, track, gap in zip(_split_mean(mean), tracks, gaps, strict=True)
+    ]
+    return _round_to_grid(tracks, make_map(mean).road_map.nodes, walks, options)
 
 
-def _learn_segment_mean(track: Track, options: Options, executor: Executor | None) -> SegmentMean:
+def _learn_segment_mean(
+    joined: Track,
+    begins: NDArray[np.int64],
+    options: Options,
+    executor: Executor | None,
+    report: Report,
+) -> SegmentMean:
     """Learn the segment mean, with whichever of k and m are given."""
+    k, m = options.k, options.m
+    if k is not None and m is not None:
+        return segment_mean(joined, k, m, begins, executor=executor)
+
     # A bound leaves half of what rounding may add.
-    if options.k is None:
+    if options.bounded:
         margin = 1 + _ROUNDING_SHARE / 2
         rmse, max_error = (
             None if bound is None else bound / margin for bound in (options.rmse, options.max_error)
         )
         return segment_mean_within(
-            track, rmse=rmse, max_error=max_error, m=options.m, executor=executor
+            joined, rmse=rmse, max_error=max_error, k=k, m=m, begins=begins, executor=executor
         )
+    assert k is not None
+    return find_parameters(
+        joined, (k, k), (1, k), begins=begins, executor=executor, report=report
+    ).mean
 
-    if options.m is None:
-        return find_parameters(
-            track, (options.k, options.k), (1, min(options.k, _MAX_SEGMENTS)), executor=executor
-        ).mean
-    return segment_mean(track, options.k, options.m, executor=executor)
+
+def _split_mean(mean: SegmentMean) -> Iterator[SegmentMean]:
+    """Yield the parts of each track, with the segments of all; their costs are not known."""
+    for head, after in pairwise([*mean.heads.tolist(), mean.k]):
+        boundaries = mean.boundaries[head : after + 1] - mean.boundaries[head]
+        yield SegmentMean(boundaries, mean.labels[head:after], mean.starts, mean.ends, math.nan)
 
 
 def _mark_gaps(walk: Walk, track: Track, gaps: NDArray[np.bool_]) -> Walk:
@@ -124,28 +144,32 @@ def _mark_gaps(walk: Walk, track: Track, gaps: NDArray[np.bool_]) -> Walk:
 
 
 def _round_to_grid(
-    track: Track, nodes: NDArray[np.float64], walk: Walk, options: Options
+    tracks: Sequence[Track], nodes: NDArray[np.float64], walks: list[Walk], options: Options
 ) -> tuple[QuantisationGrid, GridWalks]:
     """Start with steps as large as the error, and refine the grid until rounding adds little.
 
     In theory, rounding to such steps has a third of the error.
     """
     # Take the error as the coarsest space step; the walk's pace gives the time step.
-    exact = measure_errors([track], [walk], nodes)
+    exact = measure_errors(tracks, walks, nodes)
     size = max(exact.rmse, _MIN_RMSE)
-    pace = _seconds_per_metre(nodes, walk)
+    pace = _seconds_per_metre(nodes, walks)
     for refinement in range(_REFINEMENTS):
         # Both steps shrink by half an octave, and keep the ratio of the walk's pace.
         finer = size * 2.0 ** (-refinement / 2)
         grid = choose_grid(
-            nodes, [walk], space=step_index(finer), time=step_index(finer * pace), plane=track.plane
+            nodes,
+            walks,
+            space=step_index(finer),
+            time=step_index(finer * pace),
+            plane=tracks[0].plane,
         )
-        grid_walks = quantise_walks(nodes, [walk], grid)
+        grid_walks = quantise_walks(nodes, walks, grid)
 
         # Stop at the first grid whose rounding adds little error.
         rounded = measure_errors(
-            [track],
-            dequantise_walks(grid_walks, grid, [track.id]),
+            tracks,
+            dequantise_walks(grid_walks, grid, [track.id for track in tracks]),
             node_positions(grid_walks, grid),
         )
         if _is_close_enough(rounded, exact, options):
@@ -166,9 +190,12 @@ def _keeps_bounds(errors: ErrorSummary, options: Options) -> bool:
     )
 
 
-def _seconds_per_metre(nodes: NDArray[np.float64], walk: Walk) -> float:
-    """Pace of the walk in seconds per metre, without gaps; 1 where it does not move."""
-    assert walk.times is not None
-    length = float(np.linalg.norm(np.diff(nodes[walk.nodes], axis=0), axis=1)[~walk.gaps].sum())
-    duration = float(np.diff(walk.times)[~walk.gaps].sum())
+def _seconds_per_metre(nodes: NDArray[np.float64], walks: list[Walk]) -> float:
+    """Pace of the walks in seconds per metre, without gaps; 1 where they do not move."""
+    length, duration = 0.0, 0.0
+    for walk in walks:
+        assert walk.times is not None
+        steps = np.linalg.norm(np.diff(nodes[walk.nodes], axis=0), axis=1)
+        length += float(steps[~walk.gaps].sum())
+        duration += float(np.diff(walk.times)[~walk.gaps].sum())
     return duration / length if length > 0 and duration > 0 else 1.0

@@ -108,6 +108,8 @@ _LEADER_RADII = (1.2, 0.0, 2.0, 0.7)
 
 #: Effort at which walks of few rounds do on a dense log.
 _FASTEST_EFFORT = 1
+#: Effort of the search that a thorough one is compared with.
+_DEFAULT_EFFORT = 5
 #: Effort at which the pattern search is thorough.
 _THOROUGH_EFFORT = 9
 
@@ -233,8 +235,30 @@ def learn_map(
         effort=effort,
         is_thorough=effort == _THOROUGH_EFFORT,
     )
+    solution = _find_solution(search, executor, progress)
 
+    # A thorough search ends with more bytes now and then: of 10,319 points of a drone, with 220
+    # instead of 216. The search of the default takes a tenth of its time.
+    if search.is_thorough:
+        quick_search = replace(
+            search,
+            work=WORK_BY_EFFORT[_DEFAULT_EFFORT - 1],
+            effort=_DEFAULT_EFFORT,
+            is_thorough=False,
+        )
+        quick = _find_solution(quick_search, executor, None)
+        solution = _select_smallest(each for each in (solution, quick) if each is not None)
+    return None if solution is None else (solution.grid, solution.outcome.walks)
+
+
+def _find_solution(
+    search: _Search,
+    executor: Executor | None,
+    progress: Callable[[int, int], None] | None,
+) -> _Solution | None:
+    """Return the smallest solution that keeps the bound; None if there is none."""
     # Choose step sizes on a subsample, which is done before processes would have started.
+    effort = search.effort
     sample = _choose_subsample(search)
     with share_value(local_executor(executor), sample) as shared_sample:
         chosen, result = _choose_steps(sample, shared_sample)
@@ -250,7 +274,7 @@ def learn_map(
             search,
             rounds=_FINAL_ROUNDS[effort - 1],
             is_hasty=True,
-            extra_rounds=_EXTRA_ROUNDS if max_error is None else 0,
+            extra_rounds=_EXTRA_ROUNDS if search.max_error is None else 0,
             inner=local_executor(executor),
         )
         solutions = _collect_solutions([single.run(trials[0], starts[0])], 1, progress)
@@ -286,11 +310,8 @@ def _select_finalists(solutions: list[_Solution], effort: int) -> list[_Solution
     return [_Solution(grids[id(outcome)], outcome) for outcome in best]
 
 
-def _select_smallest(
-    solutions: Iterable[_Solution],
-) -> tuple[QuantisationGrid, GridWalks] | None:
-    smallest = min(solutions, key=lambda solution: solution.outcome.cost, default=None)
-    return None if smallest is None else (smallest.grid, smallest.outcome.walks)
+def _select_smallest(solutions: Iterable[_Solution]) -> _Solution | None:
+    return min(solutions, key=lambda solution: solution.outcome.cost, default=None)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.model import RoadMap, SegmentMean, Track, Walk
+from gpszip.segmentation.markov import count_transitions
 from gpszip.walks.counting import build_road_map_from_counts
 
 __all__ = ["SegmentMap", "build_walk", "make_map"]
@@ -70,9 +71,9 @@ def make_map(mean: SegmentMean) -> SegmentMap:
     segments = np.stack((np.arange(m), np.arange(m, 2 * m)), axis=1).astype(np.int32)
     traversals = np.bincount(labels, minlength=m).astype(np.int64)
 
-    # Consecutive labels are transitions; count each pair once.
-    keys, passages = np.unique(labels[:-1] * m + labels[1:], return_counts=True)
-    transitions = np.stack((m + keys // m, keys % m), axis=1).astype(np.int32)
+    # Consecutive labels of a run are transitions, from an end to a start.
+    pairs, passages = count_transitions(mean)
+    transitions = (pairs + np.array([m, 0])).astype(np.int32)
 
     positions = np.concatenate((mean.starts, mean.ends))
     road_map = build_road_map_from_counts(
@@ -87,9 +88,10 @@ def build_walk(mean: SegmentMean, track: Track) -> Walk:
     Each piece enters its segment's start at the time of its first sample and leaves the end at that
     of its last, so that the position interpolated between the knots is f(t) of the segment mean at
     every sample. A piece of a single sample has f(t) at the start; it leaves the end halfway to the
-    next sample, where no sample asks for f(t). The track's last piece, if single, ends the walk at
-    its start. Where not even half a step can be told apart in double precision, the end is left
-    out, and the step to the next start is marked as a gap, since it is no edge of the map.
+    next sample, where no sample asks for f(t). The last piece of a run, if single, ends at its
+    start. The step from run to run is a gap. Where not even half a step can be told apart in double
+    precision, the end is left out, and the step to the next start is marked as a gap, since it is
+    no edge of the map.
 
     Parameters
     ----------
@@ -123,8 +125,10 @@ def build_walk(mean: SegmentMean, track: Track) -> Walk:
     nodes = np.stack((mean.labels, mean.m + mean.labels), axis=1).ravel()[is_kept].astype(np.int32)
     times = np.stack((enter, leave), axis=1).ravel()[is_kept]
 
-    # From start to start there is no edge.
+    # From start to start there is no edge, nor from run to run.
     gaps = (nodes[:-1] < mean.m) & (nodes[1:] < mean.m)
+    entries = np.cumsum(is_kept)[::2] - 1
+    gaps[entries[mean.heads[1:]] - 1] = True
     return Walk(track.id, nodes, times, gaps)
 
 
@@ -135,6 +139,9 @@ def _find_piece_times(
     first, last = mean.boundaries[:-1], mean.boundaries[1:] - 1
     enter, leave = track.times[first], track.times[last]
     following = np.append(enter[1:], enter[-1])
-    leave = np.where(first == last, enter + (following - enter) / 2, leave)
+    ends_run = np.append(mean.heads[1:], mean.k) - 1
+    halfway = enter + (following - enter) / 2
+    halfway[ends_run] = enter[ends_run]
+    leave = np.where(first == last, halfway, leave)
     has_end = (leave > enter) & ((leave < following) | (last == len(track) - 1))
     return enter, leave, has_end

@@ -4,6 +4,7 @@ from gpszip.model.clean_map import CleanMap
 from gpszip.model.directed_edges import DirectedEdges
 from gpszip.model.grid import Plane, QuantisationGrid
 from gpszip.model.grid_walks import GridWalk, GridWalks
+from gpszip.model.markov_model import Likelihood, MarkovModel
 from gpszip.model.network import Network
 from gpszip.model.options import Options
 from gpszip.model.patching import Patch, Patching
@@ -21,7 +22,9 @@ __all__ = [
     "GridWalk",
     "GridWalks",
     "LeftOut",
+    "Likelihood",
     "Listener",
+    "MarkovModel",
     "Network",
     "Options",
     "Patch",

@@ -45,6 +45,9 @@ class Options:
     curves : tuple of (str, float)
         Attributes of the tracks to keep as curves over time, each with its largest error at any
         sample.
+    heights : bool
+        Keep the attribute ``ele`` within 3 m, too, where tracks on the earth have it, unless a size
+        is asked for.
     coreset : int, optional
         Learn from the weighted points of a coreset of this many blocks instead of all samples. The
         bound is measured at all samples.
@@ -77,6 +80,7 @@ class Options:
     effort: int = 5
     coreset: int | None = None
     curves: tuple[tuple[str, float], ...] = ()
+    heights: bool = False
 
     def tightened(self, share: float) -> Options:
         """Return the options with the bound on the error multiplied by ``share``.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ __all__ = ["SegmentMean"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SegmentMean:
-    """k consecutive parts of a track, each travelled along one of m directed segments.
+    """k consecutive parts of one track or several, each travelled along one of m directed segments.
 
     Part j holds the samples ``boundaries[j]`` to ``boundaries[j + 1] - 1``. It runs at constant
     speed from the start of its segment, at its first sample's time, to the end, at its last
@@ -32,6 +32,9 @@ class SegmentMean:
         The fitting cost tau in square metres: sum of weight times squared synchronised distance.
     costs : tuple of float
         The fitting cost before the first and after every iteration of the search.
+    heads : int64 array, shape (r,)
+        First part of each run: a track, or a piece between two gaps. The track does not travel from
+        the part before to such a part. By default there is one run.
     """
 
     boundaries: NDArray[np.int64]
@@ -40,6 +43,7 @@ class SegmentMean:
     ends: NDArray[np.float64]
     cost: float
     costs: tuple[float, ...] = ()
+    heads: NDArray[np.int64] = field(default_factory=lambda: np.zeros(1, np.int64))
 
     def __repr__(self) -> str:
         samples = count_text(int(self.boundaries[-1]), "sample")

@@ -31,7 +31,7 @@ from gpszip.pipeline.compress import off_map_notes, report_on, within_bound
 from gpszip.pipeline.continue_tracks import piece_time_ranges_of, ready_to_continue, track_end
 from gpszip.pipeline.job import Job, on_tracks, prepare
 from gpszip.pipeline.kept_columns import extended_sections
-from gpszip.pipeline.kept_curves import refuse_curves
+from gpszip.pipeline.kept_curves import curve_notes, extended_curves
 from gpszip.pipeline.measure import measure
 from gpszip.pipeline.validate import as_log, on_plane_of
 from gpszip.run.executor import Executor
@@ -108,14 +108,16 @@ def append(
     start = time.perf_counter()
 
     # What the archive states and keeps goes on.
-    refuse_curves([archive], "--append")
     options = completed_options(options or Options(), archive)
     log = on_plane_of(archive, as_log(tracks), options)
     _check_times(archive, log)
-    extras = extended_sections(archive, log, options)
+    extras = (
+        *extended_sections(archive, log, options),
+        *extended_curves(archive, log, options, memory),
+    )
     job = prepare(
         log,
-        replace(options, keep=(), keep_times=False),
+        replace(options, keep=(), keep_times=False, curves=()),
         memory=memory,
         executor=executor,
         progress=progress,
@@ -137,7 +139,8 @@ def append(
             on_map, extended, errors = found
             extended = with_sections(extended, extras)
             seconds = time.perf_counter() - start
-            return extended, _report(job, ready, on_map, extended, errors, seconds)
+            report = _report(job, ready, on_map, extended, errors, seconds)
+            return extended, replace(report, notes=report.notes + curve_notes(extended, log))
     raise BoundError(
         "the archive's grid is too coarse for this bound",
         remedy="allow a larger error, or compress all logs together",
@@ -185,7 +188,19 @@ def completed_options(options: Options, archive: Archive) -> Options:
         else:
             options = replace(options, rmse=bound.metres, max_error=bound.max_error)
 
-    # The columns.
+    # The columns within an error: those of the archive, and others that are asked for.
+    known = {name: limit for name, (limit, _) in archive.curve_sizes.items()}
+    for name, limit in options.curves:
+        if name in known and limit < known[name]:
+            raise OptionError(
+                f"the archive keeps {name!r} within {known[name]:g}, so that {limit:g} can't be "
+                "held for all of it",
+                remedy=f"leave it out of --keep (keep_within), or give {known[name]:g}",
+            )
+    curves = tuple({**dict(options.curves), **known}.items())
+    options = replace(options, curves=curves, heights=False)
+
+    # The columns that are exact.
     if archive.kept_columns is not None:
         return replace(options, keep=archive.kept_columns, keep_times=True)
     if options.keep or options.keep_times:

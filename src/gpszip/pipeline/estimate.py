@@ -22,6 +22,7 @@ from gpszip.pipeline.bounds import describe_bound
 from gpszip.pipeline.compress import compress
 from gpszip.pipeline.job import Job, choose_slices, prepare
 from gpszip.pipeline.kept_columns import extended_sections
+from gpszip.pipeline.kept_curves import extended_curves
 from gpszip.pipeline.validate import as_log, on_plane_of
 from gpszip.run import Threads
 
@@ -217,8 +218,11 @@ def _prepare(
 
     # An archive to append to states a bound, and its columns grow.
     options = completed_options(options, extended)
-    extras = extended_sections(extended, log, options)
-    options = replace(options, keep=(), keep_times=False)
+    extras = (
+        *extended_sections(extended, log, options),
+        *extended_curves(extended, log, options, memory),
+    )
+    options = replace(options, keep=(), keep_times=False, curves=())
     job = prepare(log, options, memory=memory, executor=Threads())
     return replace(job, extras=extras)
 
@@ -295,7 +299,15 @@ class _Attempt:
         coreset = options.coreset
         if coreset is not None:
             coreset = max(round(coreset * samples / self.points), 1)
-        options = replace(options, gap=self.job.gap, coreset=coreset, keep=(), keep_times=False)
+        options = replace(
+            options,
+            gap=self.job.gap,
+            coreset=coreset,
+            keep=(),
+            keep_times=False,
+            curves=(),
+            heights=False,
+        )
 
         # Compress them, or append them.
         start = time.process_time()

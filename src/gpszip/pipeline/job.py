@@ -179,7 +179,8 @@ def prepare(
     timed_gaps = [gap for track, gap in zip(sample, gaps, strict=True) if track.timed]
     sampling = sampling_interval(timed, timed_gaps) if timed else None
 
-    # The bound.
+    # The bound, and the columns.
+    curves, curve_notes = curve_sections(log, options, memory)
     options = size_in_bytes(options, _bytes_of(log))
     options, notes = with_bound(options, sample, gaps, "the log" if in_memory else "a subsample")
 
@@ -195,12 +196,12 @@ def prepare(
         gap=gap,
         sampling=sampling,
         options=options,
-        notes=notes,
+        notes=notes + curve_notes,
         executor=workers,
         listener=progress,
         map=map,
         batch=batch,
-        extras=(*kept_sections(log, options), *curve_sections(log, options)),
+        extras=(*kept_sections(log, options), *curves),
     )
 
 

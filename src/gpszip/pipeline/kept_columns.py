@@ -14,7 +14,7 @@ from gpszip.archive import Archive
 from gpszip.container.attributes import write_attributes
 from gpszip.container.columns import Column, Values, as_column
 from gpszip.container.contents import Section
-from gpszip.container.layout import SectionKind
+from gpszip.container.layout import CURVE_KINDS, SectionKind
 from gpszip.errors import OptionError
 from gpszip.lossless.kept import smaller_section
 from gpszip.model import Options, Track
@@ -81,7 +81,7 @@ def kept_sections(log: Log, options: Options) -> tuple[Section, ...]:
 
 
 def extended_sections(archive: Archive, log: Log, options: Options) -> tuple[Section, ...]:
-    """Sections of an archive, its kept columns extended by those of a log.
+    """Sections of an archive but curves, its kept columns extended by those of a log.
 
     Parameters
     ----------
@@ -93,11 +93,8 @@ def extended_sections(archive: Archive, log: Log, options: Options) -> tuple[Sec
         Whose ``keep`` names the columns of the archive.
     """
     # Leave all other sections as they are; without times of samples there are no columns.
-    others = tuple(
-        section
-        for section in archive.contents.extras
-        if section.kind not in {SectionKind.ATTRIBUTES, SectionKind.CODED_ATTRIBUTES}
-    )
+    replaced = {SectionKind.ATTRIBUTES, SectionKind.CODED_ATTRIBUTES, *CURVE_KINDS}
+    others = tuple(each for each in archive.contents.extras if each.kind not in replaced)
     if not options.keep_times:
         return others
     _refuse_shapes(log)

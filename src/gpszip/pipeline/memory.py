@@ -10,6 +10,7 @@ __all__ = [
     "batch_samples",
     "check_memory",
     "fits",
+    "knots_of_curves",
     "rows_while_sorting",
     "subsample_size",
     "workers_within",
@@ -35,6 +36,9 @@ _BYTES_LEARNING = 700
 
 #: Bytes for each sample of a batch that is being encoded.
 _BYTES_ENCODING = 1200
+
+#: Bytes for each knot of a column within an error, while the column is coded.
+_BYTES_KNOT = 160
 
 #: Samples of a batch at most, which take 120 MB while they are encoded.
 MAX_BATCH = 100_000
@@ -73,6 +77,11 @@ def fits(samples: int, memory: int | None) -> bool:
 def rows_while_sorting(memory: int, columns: int) -> int:
     """Rows with so many further columns that may be in memory while a log is sorted."""
     return (memory - PROGRAM) // (_BYTES_SORTING + _BYTES_SORTING_COLUMN * columns)
+
+
+def knots_of_curves(memory: int) -> int:
+    """Knots that the curves of one column may have."""
+    return (memory - PROGRAM) // _BYTES_KNOT
 
 
 def subsample_size(memory: int | None) -> int:

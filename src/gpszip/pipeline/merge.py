@@ -20,8 +20,7 @@ from gpszip.model.grid import step_size
 from gpszip.model.merge_options import MergeOptions
 from gpszip.model.merge_report import Deviation, MergeReport
 from gpszip.pipeline.continue_tracks import piece_time_ranges_of
-from gpszip.pipeline.kept_curves import refuse_curves
-from gpszip.pipeline.merge_columns import merge_columns
+from gpszip.pipeline.merge_columns import merge_columns, merge_curves
 from gpszip.pipeline.merge_sources import (
     MergeSource,
     curves_of_archives,
@@ -248,17 +247,17 @@ def _build_archive(
     untimed = frozenset(number for number, id in enumerate(ids) if id in without_times)
     grid_walks = drop_time_steps(grid_walks, untimed, others=len(untimed) < len(ids))
 
-    refuse_curves([source.archive for source in sources], "merge")
     columns, notes = merge_columns(sources, ids)
+    curves, curve_notes = merge_curves(sources, ids)
     archive = new_archive(
         merged.grid,
         ids,
         grid_walks,
         layer=layer,
-        extras=columns,
+        extras=(*columns, *curves),
         time_ranges=_time_ranges(sources, ids),
     )
-    return archive, notes
+    return archive, (*notes, *curve_notes)
 
 
 def _time_ranges(sources: Sequence[MergeSource], ids: Sequence[str]) -> list[NDArray[np.float64]]:

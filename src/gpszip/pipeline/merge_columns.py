@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.archive.exact import find_kept
+from gpszip.archive.joined_curves import join_curves
 from gpszip.container.attributes import KeptColumns, encode_attributes
 from gpszip.container.contents import Section
 from gpszip.container.layout import SectionKind
@@ -15,7 +16,7 @@ from gpszip.errors import OptionError
 from gpszip.lossless.kept import read_kept, smaller_section
 from gpszip.pipeline.merge_sources import MergeSource
 
-__all__ = ["merge_columns"]
+__all__ = ["merge_columns", "merge_curves"]
 
 
 def merge_columns(
@@ -77,6 +78,43 @@ def merge_columns(
         notes.append("only some archives keep the times of samples")
     section = Section(*smaller_section(encode_attributes(kept), len(ids)))
     return (section,), (*notes, *exact_notes)
+
+
+def merge_curves(
+    sources: Sequence[MergeSource], ids: Sequence[str]
+) -> tuple[tuple[Section, ...], tuple[str, ...]]:
+    """Join the columns that archives keep within an error.
+
+    Parameters
+    ----------
+    sources, ids
+        As for :func:`merge_columns`.
+
+    Returns
+    -------
+    tuple of Section
+        One section, or none where no archive has such columns.
+    tuple of str
+        Notes on columns that only some archives have.
+
+    Raises
+    ------
+    OptionError
+        If a column is kept exactly in one archive and within an error in another.
+    """
+    # The tracks of each id.
+    parts: dict[str, list[tuple[int, int]]] = {id: [] for id in ids}
+    for source, each in enumerate(sources):
+        for number, id in enumerate(each.ids):
+            parts[id].append((source, number))
+    archives = [each.archive for each in sources]
+    sections = join_curves(archives, [parts[id] for id in ids])
+
+    # Say which columns some archives lack.
+    names = {name for archive in archives for name in archive.curve_sizes}
+    missing = sorted(name for name in names if any(name not in a.curve_sizes for a in archives))
+    notes = f"only some archives keep {', '.join(missing)} within an error: others have no values"
+    return sections, (notes,) if missing else ()
 
 
 def _notes_on_exact_logs(sources: Sequence[MergeSource]) -> tuple[str, ...]:

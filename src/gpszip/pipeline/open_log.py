@@ -93,11 +93,11 @@ def _stored(
 
     # Sort by track and time, as many rows at once as fit the memory.
     report = progress or (lambda _event: None)
-    keep = options.get("keep", ())
+    columns = len(options.get("keep", ())) + options.get("heights", False)
     report(Progress("read", 0.0))
     with store_logs(
         sources,
-        rows=rows_while_sorting(memory, len(keep)),
+        rows=rows_while_sorting(memory, columns),
         plane=plane,
         **options,
     ) as log:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gpszip.archive import Archive
-from gpszip.history.markov import Likelihood
+from gpszip.history.transitions import RouteLikelihood
 from gpszip.history.traversals import match_traversals, read_history
 from gpszip.history.usage import Usage, measure_usage
 from gpszip.model import Track
@@ -19,7 +19,7 @@ def usage(archive: Archive, *, by: Sequence[str], timezone: str | None) -> Usage
     return measure_usage(read_history(archive), by, timezone)
 
 
-def log_likelihood(found: Usage, archive: Archive, tracks: Sequence[Track]) -> Likelihood:
+def log_likelihood(found: Usage, archive: Archive, tracks: Sequence[Track]) -> RouteLikelihood:
     """How likely the transitions of a log are under the Markov model of an archive.
 
     Raises

@@ -1,117 +1,244 @@
-"""The least number of intervals that meets an error bound, by bisection."""
+"""The least numbers of intervals and segments that meet an error bound, by bisection."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Unpack
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gpszip.errors import BoundError, OptionError
 from gpszip.model import SegmentMean, Track
 from gpszip.run.executor import Executor
-from gpszip.segmentation.em import SegmentMeanOptions, segment_mean
-from gpszip.segmentation.evaluate import distances
-from gpszip.segmentation.evaluate import rmse as rmse_of
+from gpszip.segmentation.em import Problem, SegmentMeanOptions, as_problem
 
-__all__ = ["segment_mean_within"]
+__all__ = ["Report", "segment_mean_within", "shortest_mean_within"]
+
+#: Multiples of the least k that :func:`shortest_mean_within` tries: with more intervals, fewer
+#: segments suffice.
+_MULTIPLES = (1.0, 1.15, 1.3, 1.6, 2.0, 2.5, 3.0)
+
+#: Told the share of a search that is done.
+Report = Callable[[float], None]
 
 
 def segment_mean_within(
-    track: Track,
+    track: Track | Problem,
     *,
     rmse: float | None = None,
     max_error: float | None = None,
+    k: int | None = None,
     m: int | float | None = None,
+    begins: NDArray[np.int64] | None = None,
     executor: Executor | None = None,
     **options: Unpack[SegmentMeanOptions],
 ) -> SegmentMean:
-    """Find a segment mean within an error bound, with as few intervals k as bisection finds.
+    """Find a segment mean within an error bound, with as few intervals or segments as possible.
 
-    Doubles k until the bound is met, then bisects between the last k that failed and the first
-    one that met it. With a fixed number of segments, more intervals do not always fit better; k
-    then grows by an eighth instead.
+    Without k, doubles k until the bound is met, then bisects between the last k that failed and the
+    first one that met it. With a fixed number of segments, more intervals do not always fit better;
+    k then grows by an eighth instead. With k, does the same with m.
 
     Parameters
     ----------
-    track : Track
-        n samples.
+    track : Track or Problem
+        n samples; a problem has its begins and options.
     rmse, max_error : float, optional
         Bounds in metres on the root mean squared and on the largest synchronised distance; at
         least one.
+    k : int, optional
+        Number of intervals. Default: the least that meets the bound.
     m : int or float, optional
-        Number of segments, or their share of k between 0 and 1. Default: k.
+        Number of segments, or their share of k between 0 and 1. Default: k; where k is given, the
+        least that meets the bound.
+    begins : int64 array, shape (r,), optional
+        First sample of each run, as for :func:`gpszip.segmentation.em.segment_mean`.
     executor, **options
         Passed to :func:`gpszip.segmentation.em.segment_mean`.
 
     Raises
     ------
     OptionError
-        If no bound is given, or one is not positive, or m is out of range.
+        If no bound is given, or one is not positive, or k or m is out of range.
     BoundError
-        If no k that was tried meets the bound, up to one interval for each sample.
+        If no number that was tried meets the bound, up to one interval for each sample, or one
+        segment for each of k intervals.
 
     Examples
     --------
     >>> positions = [[0, 0], [1, 0], [2, 0], [2, 1], [2, 2], [2, 3]]
-    >>> segment_mean_within(Track("bend", range(6), positions), max_error=0.01).k
+    >>> track = Track("bend", range(6), positions)
+    >>> segment_mean_within(track, max_error=0.01).k
+    2
+    >>> lane = Track("lane", range(24), [[x] for x in 2 * [0, 2, 4, 6, 8, 10, 10, 8, 6, 4, 2, 0]])
+    >>> segment_mean_within(lane, max_error=0.01, k=4).m
     2
     """
-    # Reject bad options before the first run.
     _check_options(rmse, max_error, m)
-    problem = _BoundedProblem(track, rmse, max_error, m, executor, options)
+    problem = _BoundedProblem(as_problem(track, begins, options), rmse, max_error, executor)
+    if k is None:
+        return _fewest_intervals(problem, m)
+    if m is None:
+        return _fewest_segments(problem, k)
+    segments = m if isinstance(m, int) else max(1, round(m * k))
+    mean = problem.solve(k, segments)
+    if mean is None:
+        raise BoundError(
+            f"track {problem.track.id!r}: {k} intervals of {segments} segments don't keep the "
+            "bound",
+            remedy="leave out k or m, or allow a larger error",
+        )
+    return mean
 
-    # a k that meets the bound; low is the last one that failed
-    low, high = 0, _min_k(m)
-    best = None
-    while best is None:
-        high = min(high, len(track))
-        best = problem.solve(high)
-        if best is None:
-            if high == len(track):
-                raise BoundError(
-                    f"track {track.id!r}: no number of intervals up to {high} keeps the bound; "
-                    "allow more segments or a larger error"
-                )
-            # With m fixed, to double k could pass over all that fit.
-            growth = max(1, high // 8) if isinstance(m, int) else high
-            low, high = high, high + growth
 
-    # Bisection.
-    while high - low > 1:
-        middle = (low + high) // 2
-        mean = problem.solve(middle) if middle >= _min_k(m) else None
-        if mean is None:
-            low = middle
-        else:
-            high, best = middle, mean
+def shortest_mean_within(
+    track: Track | Problem,
+    *,
+    rmse: float | None = None,
+    max_error: float | None = None,
+    begins: NDArray[np.int64] | None = None,
+    executor: Executor | None = None,
+    report: Report | None = None,
+    **options: Unpack[SegmentMeanOptions],
+) -> SegmentMean:
+    """Find a segment mean within an error bound that few numbers describe.
+
+    That are ``2 d m + 2 k``: both ends of each segment, and label and time of each interval. Tries
+    the least k that meets the bound with m = k, and up to three times as many; finds the least m
+    for each.
+
+    Parameters
+    ----------
+    track, rmse, max_error, begins, executor, **options
+        As for :func:`segment_mean_within`.
+    report : callable, optional
+        Told the share that is done.
+
+    Examples
+    --------
+    >>> there_and_back = [0, 2, 4, 6, 8, 10, 10, 8, 6, 4, 2, 0]
+    >>> track = Track("lane", range(48), [[x] for x in 4 * there_and_back])
+    >>> mean = shortest_mean_within(track, rmse=0.1)
+    >>> mean.k, mean.m
+    (8, 2)
+    """
+    # The fewest intervals with segments of their own.
+    _check_options(rmse, max_error, None)
+    problem = _BoundedProblem(as_problem(track, begins, options), rmse, max_error, executor)
+    tell = report or (lambda _share: None)
+    best = _fewest_intervals(problem, None)
+    ks = sorted({min(round(best.k * multiple), problem.most) for multiple in _MULTIPLES})
+
+    # The fewest segments for that k and for more.
+    for done, k in enumerate(ks, 1):
+        tell(done / (1 + len(ks)))
+        mean = _fewest_segments_or_none(problem, k)
+        if mean is not None:
+            best = min(best, mean, key=_count_numbers)
     return best
+
+
+def _count_numbers(mean: SegmentMean) -> int:
+    """Numbers that describe a segment mean."""
+    return 2 * mean.starts.size + 2 * mean.k
 
 
 @dataclass(frozen=True, eq=False)
 class _BoundedProblem:
-    """The arguments of :func:`segment_mean_within`."""
+    """A problem, and the bounds that its solution is to meet."""
 
-    track: Track
+    problem: Problem
     rmse: float | None
     max_error: float | None
-    m: int | float | None
     executor: Executor | None
-    options: SegmentMeanOptions
 
-    def solve(self, k: int) -> SegmentMean | None:
-        """Return the segment mean with k intervals, or None if it exceeds a bound."""
-        if self.m is None:
-            segments = k
-        elif isinstance(self.m, int):
-            segments = self.m
-        else:
-            segments = max(1, round(self.m * k))
+    @property
+    def track(self) -> Track:
+        """The samples."""
+        return self.problem.track
 
-        mean = segment_mean(self.track, k, segments, executor=self.executor, **self.options)
-        if self.rmse is not None and rmse_of(mean, self.track) > self.rmse:
+    @property
+    def most(self) -> int:
+        """Most intervals."""
+        return self.problem.most
+
+    @property
+    def runs(self) -> int:
+        """Number of runs, the least k."""
+        return len(self.problem.begins)
+
+    def solve(self, k: int, m: int) -> SegmentMean | None:
+        """Return the segment mean with k intervals and m segments, or None beyond a bound."""
+        mean = self.problem.solve(k, m, executor=self.executor)
+        if self.rmse is not None and self.problem.rmse(mean) > self.rmse:
             return None
-        if self.max_error is not None and distances(mean, self.track).max() > self.max_error:
+        if self.max_error is not None and self.problem.max_error(mean) > self.max_error:
             return None
         return mean
+
+
+def _fewest_intervals(problem: _BoundedProblem, m: int | float | None) -> SegmentMean:
+    """Return the segment mean with the least k that meets the bound."""
+
+    def solve(k: int) -> SegmentMean | None:
+        if m is None:
+            return problem.solve(k, k)
+        return problem.solve(k, m if isinstance(m, int) else max(1, round(m * k)))
+
+    # With m fixed, to double k could pass over all that fit.
+    least = max(problem.runs, m if isinstance(m, int) else 1)
+    mean = _find_least(solve, least, problem.most, slowly=isinstance(m, int))
+    if mean is None:
+        raise BoundError(
+            f"track {problem.track.id!r}: no number of intervals up to {problem.most} keeps "
+            "the bound; allow more segments or a larger error"
+        )
+    return mean
+
+
+def _fewest_segments(problem: _BoundedProblem, k: int) -> SegmentMean:
+    """Return the segment mean with k intervals and the least m that meets the bound."""
+    mean = _fewest_segments_or_none(problem, k)
+    if mean is None:
+        raise BoundError(
+            f"track {problem.track.id!r}: {k} intervals don't keep the bound with any number of "
+            "segments; allow more intervals or a larger error"
+        )
+    return mean
+
+
+def _fewest_segments_or_none(problem: _BoundedProblem, k: int) -> SegmentMean | None:
+    return _find_least(partial(problem.solve, k), 1, k)
+
+
+def _find_least(
+    solve: Callable[[int], SegmentMean | None], least: int, most: int, *, slowly: bool = False
+) -> SegmentMean | None:
+    """Return the solution for the least number that has one; None if there is none up to most.
+
+    Numbers double, or grow by an eighth, until one has a solution; then they are bisected.
+    """
+    # A number with a solution; low is the last one without.
+    low, high = 0, min(least, most)
+    best = solve(high)
+    while best is None and high < most:
+        growth = max(1, high // 8) if slowly else high
+        low, high = high, min(high + growth, most)
+        best = solve(high)
+
+    # Bisection.
+    low = max(low, least - 1)
+    while best is not None and high - low > 1:
+        middle = (low + high) // 2
+        solution = solve(middle)
+        if solution is None:
+            low = middle
+        else:
+            high, best = middle, solution
+    return best
 
 
 def _check_options(rmse: float | None, max_error: float | None, m: int | float | None) -> None:
@@ -123,8 +250,3 @@ def _check_options(rmse: float | None, max_error: float | None, m: int | float |
         raise OptionError(
             f"m = {m} must be a whole number from 1 on, or a share of k above 0 and up to 1"
         )
-
-
-def _min_k(m: int | float | None) -> int:
-    """Return the least k that is allowed: m segments need as many intervals."""
-    return m if isinstance(m, int) else 1

@@ -5,6 +5,8 @@ Source: the thesis, algorithm 1, line 2.
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
@@ -15,7 +17,10 @@ from gpszip.kernels.sums import PrefixSums
 from gpszip.segmentation.kernels import ward as kernel
 from gpszip.segmentation.lines import FittedLines, best_lines, excess_costs, pooled_lines
 
-__all__ = ["k_means", "ward"]
+__all__ = ["Merges", "cut_merges", "find_merges", "k_means", "ward"]
+
+#: Pairs of intervals that are merged one after the other, shape (k - 1, 2).
+Merges: TypeAlias = NDArray[np.int64]
 
 #: Groups up to which the costs of merging all pairs are compared.
 _MAX_ALL_PAIRS = 2000
@@ -36,16 +41,27 @@ def ward(sums: PrefixSums, boundaries: NDArray[np.int64], m: int) -> NDArray[np.
     int32 array, shape (k,)
         Labels in the order of their first intervals.
     """
-    # The k - m cheapest merges; groups are the connected components.
-    merges, costs = _build_dendrogram(best_lines(sums, boundaries))
-    k = len(boundaries) - 1
-    # Every merge leaves one group less, so k - m of them leave m.
-    cheapest = merges[np.argsort(costs, kind="stable")[: k - m]]
+    return cut_merges(find_merges(sums, boundaries), m)
+
+
+def cut_merges(merges: Merges, m: int) -> NDArray[np.int32]:
+    """Label k intervals with exactly m labels; as :func:`ward` with merges that are known.
+
+    Groups are the connected components of the k - m cheapest merges: each leaves one group less.
+    """
+    k = len(merges) + 1
+    cheapest = merges[: k - m]
     links = coo_array((np.ones(len(cheapest)), (cheapest[:, 0], cheapest[:, 1])), shape=(k, k))
     return _renumber_labels(connected_components(links, directed=False)[1])
 
 
-def _build_dendrogram(lines: FittedLines) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def find_merges(sums: PrefixSums, boundaries: NDArray[np.int64]) -> Merges:
+    """Return all merges of k intervals down to one group, the cheapest first."""
+    merges, costs = _build_dendrogram(best_lines(sums, boundaries))
+    return merges[np.argsort(costs, kind="stable")]
+
+
+def _build_dendrogram(lines: FittedLines) -> tuple[Merges, NDArray[np.float64]]:
     """Return all merges down to one group, as pairs of intervals, and their costs.
 
     Mutual nearest neighbours are merged sooner or later in any case, so all such pairs can be

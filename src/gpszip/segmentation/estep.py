@@ -45,9 +45,11 @@ def _shift_one_by_one(
 ) -> EMState:
     """Shift all boundaries from left to right."""
     boundaries, labels = state.boundaries.copy(), state.labels.copy()
-    shift_boundaries(
-        sums, boundaries, labels, state.starts, state.ends, 1, len(labels), 1, min_samples, naive
-    )
+    segments = (state.starts, state.ends)
+    for head, after in state.runs:
+        shift_boundaries(
+            sums, boundaries, labels, *segments, head + 1, after, 1, min_samples, naive
+        )
     return replace(state, boundaries=boundaries, labels=labels)
 
 
@@ -68,7 +70,7 @@ def _shift_every_second(
 ) -> EMState:
     """Shift every second boundary from ``first``, in batches."""
     boundaries, labels = state.boundaries.copy(), state.labels.copy()
-    batches = _batches(first, len(labels), executor)
+    batches = _batches(first, state, executor)
     shifted = (executor or Serial()).map(partial(_shift_batch, sums, state, min_samples), batches)
     for low, new_boundaries, new_labels in shifted:
         boundaries[low : low + len(new_boundaries)] = new_boundaries
@@ -76,11 +78,17 @@ def _shift_every_second(
     return replace(state, boundaries=boundaries, labels=labels)
 
 
-def _batches(first: int, k: int, executor: Executor | None) -> Iterator[tuple[int, int]]:
-    """Return ranges of boundaries that start with one to be shifted; one range if serial."""
+def _batches(first: int, state: EMState, executor: Executor | None) -> Iterator[tuple[int, int]]:
+    """Yield ranges of boundaries that start with one to be shifted; one for a run if serial.
+
+    The boundary between two runs is in no range.
+    """
     # An even step, so that each range starts with a boundary of the same parity.
+    k = len(state.labels)
     step = 2 * _BATCH if executor else k + k % 2 + 2
-    return ((low, min(low + step, k)) for low in range(first, k, step))
+    for head, after in state.runs:
+        for low in range(head + first, after, step):
+            yield low, min(low + step, after)
 
 
 def _shift_batch(
@@ -104,7 +112,10 @@ def _shift_batch(
 def exact(
     sums: PrefixSums, state: EMState, *, min_samples: int = 1, executor: Executor | None = None
 ) -> EMState:
-    """Partition the entire track again into k intervals; at least as good as :func:`odd_even`."""
+    """Partition the entire track again into k intervals; at least as good as :func:`odd_even`.
+
+    There is one run only.
+    """
     shifted = odd_even(sums, state, min_samples=min_samples, executor=executor)
 
     # First guess of the penalty: one more interval gains a share of the cost of an interval.

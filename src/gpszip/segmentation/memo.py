@@ -22,7 +22,7 @@ from gpszip.model import SegmentMean, Track
 __all__ = ["Memo", "memo_key"]
 
 #: Arrays of a file, by the names of the fields of SegmentMean.
-_FIELDS = ("boundaries", "labels", "starts", "ends", "cost", "costs")
+_FIELDS = ("boundaries", "labels", "starts", "ends", "cost", "costs", "heads")
 
 #: Bytes of a key; twice as many hexadecimal digits.
 _KEY_BYTES = 16
@@ -102,8 +102,10 @@ def _read(path: Path, k: int, m: int) -> SegmentMean:
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             values = [file[field] for field in _FIELDS]
-        boundaries, labels, starts, ends, cost, costs = values
-        mean = SegmentMean(boundaries, labels, starts, ends, float(cost), tuple(costs.tolist()))
+        boundaries, labels, starts, ends, cost, costs, heads = values
+        mean = SegmentMean(
+            boundaries, labels, starts, ends, float(cost), tuple(costs.tolist()), heads
+        )
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(
             f"damaged memo of a segment mean ({error})",

@@ -43,7 +43,7 @@ def _reseed_unused(sums: PrefixSums, state: EMState, unused: NDArray[np.intp]) -
     # Gain of each interval if it had a segment to itself.
     _, starts, slopes = best_lines(sums, state.boundaries)
     labels = np.arange(len(starts), dtype=np.int32)
-    free = EMState(state.boundaries, labels, starts, starts + slopes)
+    free = replace(state, labels=labels, starts=starts, ends=starts + slopes)
     gains = interval_costs(sums, state) - interval_costs(sums, free)
 
     worst = np.argsort(-gains, kind="stable")[: len(unused)]

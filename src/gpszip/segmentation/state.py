@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +34,21 @@ class EMState:
         Segment of each interval.
     starts, ends : float64 array, shape (m, d)
         End points of the segments, in position ticks from the first sample.
+    heads : int64 array, shape (r,)
+        First interval of each run: a track, or a piece between gaps. No interval crosses from one
+        run to the next. By default there is one run.
     """
 
     boundaries: NDArray[np.int64]
     labels: NDArray[np.int32]
     starts: NDArray[np.float64]
     ends: NDArray[np.float64]
+    heads: NDArray[np.int64] = field(default_factory=lambda: np.zeros(1, np.int64))
+
+    @property
+    def runs(self) -> Iterator[tuple[int, int]]:
+        """First interval of each run, and the one after its last."""
+        return pairwise([*self.heads.tolist(), len(self.labels)])
 
 
 def to_ticks(sums: PrefixSums, metres: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -88,5 +99,11 @@ def to_segment_mean(sums: PrefixSums, state: EMState, costs: list[float]) -> Seg
     costs_in_metres = tuple(cost * sums.position_tick**2 for cost in costs)
     starts, ends = to_metres(sums, state.starts), to_metres(sums, state.ends)
     return SegmentMean(
-        state.boundaries, state.labels, starts, ends, costs_in_metres[-1], costs_in_metres
+        state.boundaries,
+        state.labels,
+        starts,
+        ends,
+        costs_in_metres[-1],
+        costs_in_metres,
+        state.heads,
     )

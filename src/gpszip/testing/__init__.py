@@ -5,7 +5,7 @@ from gpszip.testing.city import city, drives
 from gpszip.testing.graphs import complete_graph, ring
 from gpszip.testing.log_with_truth import LogWithTruth
 from gpszip.testing.patrol import patrol, patrol_with_truth
-from gpszip.testing.person import person
+from gpszip.testing.person import person, person_places
 from gpszip.testing.quadrotor import quadrotor
 from gpszip.testing.shuttle_lines import shuttles
 from gpszip.testing.taxis import fleet, taxis
@@ -20,6 +20,7 @@ __all__ = [
     "patrol",
     "patrol_with_truth",
     "person",
+    "person_places",
     "quadrotor",
     "ring",
     "shuttles",

@@ -10,7 +10,7 @@ from gpszip.model import Walk
 from gpszip.testing.log_with_truth import LogWithTruth, join_truth
 from gpszip.testing.roads import Roads, build_roads, drive, record
 
-__all__ = ["person"]
+__all__ = ["person", "person_places"]
 
 #: Blocks along each side of the town.
 _BLOCKS = 14
@@ -125,6 +125,30 @@ def person(
     errors[jumps] += rng.normal(0, _JUMP, (int(jumps.sum()), 2))
     track, truth, walk = record(walk, roads.nodes, times, errors)
     return join_truth([track], [truth], roads.nodes, roads.edges, [walk])
+
+
+def person_places(*, seed: int = 1) -> dict[str, Floats]:
+    """Return where the person of :func:`person` lives, works and goes.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the person.
+
+    Returns
+    -------
+    dict of str to float64 array, shape (n, 2)
+        Metres, for ``home``, ``work``, ``friends``, ``gym`` and the 12 of ``errand``.
+
+    Examples
+    --------
+    >>> home = person_places(seed=3)["home"][0]
+    >>> bool((home == person(1, seed=3).road_map.nodes[person(1, seed=3).walks[0].nodes[0]]).all())
+    True
+    """
+    rng = np.random.default_rng(seed)
+    roads = build_roads(_BLOCKS, _BLOCK, rng)
+    return {name: roads.nodes[nodes] for name, nodes in _choose_places(roads, rng).items()}
 
 
 def _choose_places(roads: Roads, rng: np.random.Generator) -> dict[str, NDArray[np.int32]]:

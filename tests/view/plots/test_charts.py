@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gpszip
+from gpszip.drawing.elapsed import time_unit
 from gpszip.view.plot import plot
-from gpszip.view.plots.elapsed import time_unit
 from gpszip.view.plots.rate import _round_numbers
 from view_logs import LAPS, laps_archive
 

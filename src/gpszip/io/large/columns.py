@@ -113,10 +113,15 @@ class ColumnEncoder:
         Names of the columns.
     text_capacity : int
         Bytes of memory for distinct texts.
+    optional : sequence of str
+        Names of columns of numbers that may be missing: NaN there.
     """
 
-    def __init__(self, names: Sequence[str], text_capacity: int) -> None:
+    def __init__(
+        self, names: Sequence[str], text_capacity: int, *, optional: Sequence[str] = ()
+    ) -> None:
         self.names = tuple(names)
+        self.optional = tuple(optional)
         self.text_capacity = text_capacity
         self.kinds: Kinds = (ColumnKind.INTEGERS,) * len(self.names)
         self._text_codes: list[dict[str, int]] = [{} for _ in names]
@@ -139,7 +144,9 @@ class ColumnEncoder:
         InputError
             If a column is missing, or there are more distinct texts than fit in memory.
         """
-        # Files may differ in their columns, but each needs those to keep.
+        # Files may differ in their columns, but each needs those to keep unless they are optional.
+        lacking = [name for name in self.optional if name not in attributes]
+        attributes = {**attributes, **dict.fromkeys(lacking, np.full(rows, np.nan))}
         missing = next((name for name in self.names if name not in attributes), None)
         if missing is not None:
             available = ", ".join(attributes) or "none"

@@ -216,7 +216,11 @@ def store_logs(
         # Read, clean and sort.
         folder = stack.enter_context(scratch_folder())
         max_rows = max(rows, _MIN_ROWS)
-        encoder = ColumnEncoder(request.keep, _TEXT_BYTES_PER_ROW * rows)
+        # Heights that nobody named take a column only where a format may have them.
+        keeps_heights = any(file.format is not None and file.format.heights for file in files)
+        unnamed = request.optional if keeps_heights else ()
+        names = tuple(dict.fromkeys([*request.keep, *unnamed]))
+        encoder = ColumnEncoder(names, _TEXT_BYTES_PER_ROW * rows, optional=request.optional)
         store = DiskRows(folder, max_rows, encoder)
         log = collect_log(files, store, cleaning)
         blocks = _blocks_of_tracks(log)

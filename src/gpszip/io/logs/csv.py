@@ -235,8 +235,10 @@ def find_csv_roles(dialect: Dialect, request: Request, where: str) -> Roles:
         request.keep,
         where,
         heading=request.heading,
+        accuracy=request.accuracy,
         cells=dialect.hint_cells,
         times=request.times,
+        optional=request.optional,
     )
 
 

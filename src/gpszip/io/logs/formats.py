@@ -86,6 +86,7 @@ GPX = LogFormat(
     write=deferred("gpszip.io.logs.gpx.write", "write_gpx"),
     describe_losses=deferred("gpszip.io.logs.gpx.write", "describe_gpx_losses"),
     time_decimals=3,
+    heights=True,
 )
 
 KML = LogFormat(
@@ -98,6 +99,7 @@ KML = LogFormat(
     write=deferred("gpszip.io.logs.kml.write", "write_kml"),
     describe_losses=deferred("gpszip.io.logs.kml.write", "describe_kml_losses"),
     time_decimals=3,
+    heights=True,
 )
 
 # A zip archive is unpacked before its format is found, so that KMZ is read as KML.
@@ -117,6 +119,7 @@ TCX = LogFormat(
     sniff=deferred("gpszip.io.logs.sniff.xml", "sniff_tcx"),
     read=deferred("gpszip.io.logs.tcx.read", "read_tcx"),
     read_batches=deferred("gpszip.io.logs.tcx.read", "read_tcx_batches"),
+    heights=True,
 )
 
 GEOJSON = LogFormat(
@@ -174,6 +177,7 @@ FIT = LogFormat(
     read=deferred("gpszip.io.logs.fit.read", "read_fit"),
     is_binary=True,
     extra="fit",
+    heights=True,
 )
 
 NMEA = LogFormat(

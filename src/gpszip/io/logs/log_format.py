@@ -106,6 +106,8 @@ class LogFormat:
     takes : tuple of str
         Fields of :class:`gpszip.io.logs.raw.Request` that only some formats know, of those in
         :data:`SPECIAL_OPTIONS`. Other formats refuse their options.
+    heights : bool
+        Whether it keeps heights unasked, see :attr:`gpszip.io.logs.raw.Request.heights`.
 
     Examples
     --------
@@ -141,3 +143,4 @@ class LogFormat:
     is_fallback: bool = False
     extra: str = ""
     takes: tuple[str, ...] = ()
+    heights: bool = False

@@ -239,10 +239,13 @@ class _Assembler:
     def log(self, batch: PointBatch) -> RawLog:
         """Return a batch as a log."""
         # Attributes that are there, but not asked for, are named.
-        kept = {name: self._find(name, batch) for name in self._request.keep}
+        found = {name: self._find(name, batch) for name in self._request.keep}
+        kept = {name: column for name, column in found.items() if column is not None}
         if self._request.heading:
             headings = [name for name in _HEADINGS if name in batch.attributes]
             kept |= {"heading": headings[0]} if headings else {}
+        if self._request.accuracy and "accuracy" in batch.attributes:
+            kept["accuracy"] = "accuracy"
         unused = [name for name in batch.attributes if name not in kept.values()]
 
         # Tracks are numbered in the order of the file.
@@ -262,13 +265,15 @@ class _Assembler:
             dropped_columns=tuple(name for name in unused if _has_value(batch.attributes[name])),
         )
 
-    def _find(self, name: str, batch: PointBatch) -> str:
-        """Return the attribute that a name asks for."""
+    def _find(self, name: str, batch: PointBatch) -> str | None:
+        """Return the attribute that a name asks for; None if it may be missing."""
         lower = name.lower()
         names: tuple[str, ...] = next((names for names in _SYNONYMS if lower in names), ())
         for other in (name, lower, *names):
             if other in batch.attributes:
                 return other
+        if name in self._request.optional:
+            return None
         shown = ", ".join(list(batch.attributes)[:_MAX_SHOWN_NAMES]) or "position and time only"
         raise InputError(
             f"no {name!r} to keep", path=self._source.name, remedy=f"its points have: {shown}"

@@ -6,7 +6,7 @@ plane happen afterwards, alike for all formats (:mod:`gpszip.io.logs.read`).
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 
@@ -17,6 +17,7 @@ from gpszip.errors import InputError
 from gpszip.model.read_result import LeftOut, Repair
 
 __all__ = [
+    "HEIGHT",
     "HEIGHT_NAMES",
     "GuessedUnit",
     "RawLog",
@@ -24,12 +25,27 @@ __all__ = [
     "UnreadableCell",
     "find_kept",
     "join_batches",
+    "name_heights",
     "unused_name",
 ]
 
 #: Names of the attribute that holds the height above the sea in metres, the preferred one first.
 #: They stand for each other: a request for one is met by another.
 HEIGHT_NAMES = ("alt", "altitude", "ele", "elevation", "height")
+
+#: The one that heights get which nobody named.
+HEIGHT = "ele"
+
+
+def name_heights(names: Iterable[str]) -> bool:
+    """Whether any name is one of heights.
+
+    Examples
+    --------
+    >>> name_heights(["hr", "Alt"]), name_heights(["hr"])
+    (True, False)
+    """
+    return any(name.lower() in HEIGHT_NAMES for name in names)
 
 
 @dataclass(frozen=True)
@@ -48,6 +64,11 @@ class Request:
         Further columns to keep as attributes.
     heading : bool
         Keep headings, if the log has some, as the attribute ``heading``.
+    heights : bool
+        Keep heights, if a file of GPX, KML, TCX or FIT has some, as the attribute ``ele``. Where
+        ``keep`` names heights, any file may lack them, instead.
+    accuracy : bool
+        Keep errors of positions, if the log states them, as the attribute ``accuracy`` in metres.
     dates : str, optional
         ``dmy``, ``mdy`` or ``ymd``, the order of day, month and year in dates such as 03/04/2024;
         found from all dates of the column if left out.
@@ -71,6 +92,7 @@ class Request:
     time_unit: str | None = None
     keep: tuple[str, ...] = ()
     heading: bool = False
+    accuracy: bool = False
     dates: str | None = None
     skip_bad: bool = False
     times: bool = True
@@ -78,6 +100,25 @@ class Request:
     frame: str | None = None
     times_file: str | None = None
     rate: float | None = None
+    heights: bool = False
+
+    @property
+    def optional(self) -> tuple[str, ...]:
+        """Columns to keep where a file has them.
+
+        Examples
+        --------
+        >>> Request(heights=True).optional, Request(keep=("alt", "hr"), heights=True).optional
+        (('ele',), ('alt',))
+        """
+        named = tuple(name for name in self.keep if name.lower() in HEIGHT_NAMES)
+        return (named or (HEIGHT,)) if self.heights else ()
+
+    @property
+    def required(self) -> tuple[str, ...]:
+        """Columns to keep that each file must have."""
+        optional = self.optional
+        return tuple(name for name in self.keep if name not in optional)
 
 
 @dataclass(frozen=True)
@@ -256,6 +297,8 @@ def find_kept(
             shown = ", ".join(synonyms)
             raise InputError(f"no {name!r} to keep", path=where, remedy=f"its points have: {shown}")
         kept[name] = columns[0]
+    if request.accuracy and "accuracy" in synonyms:
+        kept["accuracy"] = "accuracy"
     return {**kept, "heading": heading} if request.heading else kept
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple, TypedDict
@@ -23,9 +24,10 @@ from gpszip.io.logs.collect import CollectedLog, collect_log
 from gpszip.io.logs.file_collector import CleaningOptions
 from gpszip.io.logs.log_file import Sources, open_log_files
 from gpszip.io.logs.memory_rows import MemoryRows
-from gpszip.io.logs.raw import Request
+from gpszip.io.logs.raw import HEIGHT, Request
 from gpszip.io.logs.rows import Floats, LogRows, begins_run, concatenate_rows
 from gpszip.io.logs.shapes import measure_points, repeated_points_repair
+from gpszip.io.logs.weights import weigh
 from gpszip.io.tables.roles import parse_columns
 from gpszip.model import Plane, Track
 from gpszip.model.read_result import ReadResult, Repair
@@ -47,6 +49,8 @@ class ReadOptions(TypedDict, total=False):
     split: bool
     keep: Sequence[str]
     heading: bool
+    heights: bool
+    accuracy: bool
     skip_bad: bool
     times: bool
     selection: Selection
@@ -54,6 +58,7 @@ class ReadOptions(TypedDict, total=False):
     frame: str | None
     times_file: str | Path | None
     rate: float | None
+    weight: str | None
 
 
 def parse_options(options: ReadOptions) -> tuple[Request, CleaningOptions]:
@@ -73,6 +78,8 @@ def parse_options(options: ReadOptions) -> tuple[Request, CleaningOptions]:
         time_unit=options.get("time_unit"),
         keep=(keep,) if isinstance(keep, str) else tuple(keep),
         heading=options.get("heading", False),
+        heights=options.get("heights", False),
+        accuracy=options.get("accuracy", False),
         dates=options.get("dates"),
         skip_bad=options.get("skip_bad", False),
         times=options.get("times", True),
@@ -150,6 +157,8 @@ def read_logs(
     split: bool = False,
     keep: Sequence[str] = (),
     heading: bool = False,
+    heights: bool = False,
+    accuracy: bool = False,
     skip_bad: bool = False,
     times: bool = True,
     selection: Selection = EVERYTHING,
@@ -157,6 +166,7 @@ def read_logs(
     frame: str | None = None,
     times_file: str | Path | None = None,
     rate: float | None = None,
+    weight: str | None = None,
 ) -> ReadResult:
     r"""Read position logs.
 
@@ -192,6 +202,11 @@ def read_logs(
         Keep a column of headings (``heading``, ``bearing``, ``course``, ...; the course of GPX
         points), if there is one, as the attribute ``heading``: degrees clockwise from north, NaN
         where unknown.
+    heights : bool
+        Keep the heights of GPX, KML, TCX and FIT, if there are some, as the attribute ``ele``.
+    accuracy : bool
+        Keep a column of errors of positions (``accuracy``, ``acc``, ``eph``, ...), if there is one,
+        as the attribute ``accuracy``: metres, NaN where unknown.
     skip_bad : bool
         Leave out logs that can't be read, items of logs such as features of GeoJSON, and positions
         off the globe, instead of raising. Logs in a folder or zip archive that can't be read are
@@ -210,6 +225,8 @@ def read_logs(
         File with a time in each line, for KITTI's poses.
     rate : float, optional
         Poses in a second, for KITTI's poses.
+    weight : str, optional
+        Column of the weights of the points, positive numbers; all weigh 1 where left out.
 
     Returns
     -------
@@ -239,6 +256,8 @@ def read_logs(
         "split": split,
         "keep": keep,
         "heading": heading,
+        "heights": heights,
+        "accuracy": accuracy,
         "skip_bad": skip_bad,
         "times": times,
         "selection": selection,
@@ -247,6 +266,13 @@ def read_logs(
         "times_file": times_file,
         "rate": rate,
     }
+    if weight is not None:
+        # Weights are read as an attribute, and become what they are in the end.
+        names = (keep,) if isinstance(keep, str) else tuple(keep)
+        options["keep"] = (*(name for name in names if name != weight), weight)
+        options["format"] = format
+        result = read_logs(sources, **options)
+        return replace(result, tracks=tuple(weigh(track, weight) for track in result.tracks))
     request, cleaning = parse_options(options)
 
     # Read and clean all files, and put together the rows of each track.
@@ -322,8 +348,8 @@ def _gather_tracks(log: CollectedLog, blocks: Sequence[LogRows]) -> list[_Memory
         for start, stop in pairwise([*starts, len(block)]):
             rows_by_code[int(block.codes[start])] = block.take(slice(start, stop))
 
-    # Attributes that some files lack can't be filled, so only common ones stay. A file may have
-    # brought a single row at a time that another file has, too.
+    # Attributes that some files lack can't be filled, so only common ones and heights stay. A file
+    # may have brought a single row at a time that another file has, too.
     tracks = []
     for name, codes, where, timed in log.tracks:
         files = [rows_by_code[code] for code in codes if code in rows_by_code]
@@ -332,13 +358,24 @@ def _gather_tracks(log: CollectedLog, blocks: Sequence[LogRows]) -> list[_Memory
         if len(files) > 1:
             times = np.concatenate([rows.times for rows in files])
             coordinates = np.concatenate([rows.coordinates for rows in files])
-            attributes = {
-                column: np.concatenate([rows.attributes[column] for rows in files])
-                for column in attributes
-                if all(column in rows.attributes for rows in files)
-            }
+            attributes = _joint_attributes(files)
         tracks.append(_MemoryTrack(name, times, coordinates, attributes, where, timed))
     return tracks
+
+
+def _joint_attributes(files: Sequence[LogRows]) -> dict[str, NDArray[np.generic]]:
+    """Attributes of a track that all of its files have; heights are NaN where a file has none."""
+    names = dict.fromkeys(name for rows in files for name in rows.attributes)
+    joint = {}
+    for name in names:
+        values = [
+            rows.attributes.get(name, np.full(len(rows), np.nan) if name == HEIGHT else None)
+            for rows in files
+        ]
+        present = [each for each in values if each is not None]
+        if len(present) == len(values):
+            joint[name] = np.concatenate(present)
+    return joint
 
 
 def _build_track(

@@ -83,5 +83,7 @@ def find_requested_roles(names: tuple[str, ...], request: Request, where: str) -
         request.keep,
         where,
         heading=request.heading,
+        accuracy=request.accuracy,
         times=request.times,
+        optional=request.optional,
     )

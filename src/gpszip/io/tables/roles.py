@@ -15,7 +15,7 @@ from gpszip.errors import InputError, NoPositionsError, OptionError
 from gpszip.io.logs.raw import HEIGHT_NAMES
 from gpszip.io.values.coordinates import HEMISPHERES, Axis
 
-__all__ = ["Roles", "find_roles", "parse_columns", "time_unit_in_name"]
+__all__ = ["Roles", "find_roles", "names_accuracy", "parse_columns", "time_unit_in_name"]
 
 
 def _words(text: str) -> tuple[str, ...]:
@@ -107,6 +107,13 @@ _HEADING = _words("""
     gps_heading gps_bearing gps_course ground_course direction_of_travel azimuth
 """)
 
+#: Names of errors of positions in metres. HDOP and its like are factors, no lengths.
+_ACCURACY = _words("""
+    accuracy horizontal_accuracy gps_accuracy location_accuracy position_accuracy accuracy_meters
+    accuracy_metres h_accuracy haccuracy h_acc hacc acc eph est_horizontal_error
+    estimated_horizontal_error location_horizontal_accuracy horizontal_error
+""")
+
 #: Largest number of columns from a coordinate to a column of hemispheres with any other name, as in
 #: lat, lon, hemisphere of lat, hemisphere of lon.
 _MAX_HEMISPHERE_OFFSET = 3
@@ -128,6 +135,9 @@ _UNITS = {
 #: A name that ends with a unit.
 _UNIT = re.compile(rf"(.+)_({'|'.join(_UNITS)}|m|deg|degrees|metres|meters)")
 
+#: A role of a coordinate by its number.
+_NUMBERED = re.compile(r"x\d{1,3}")
+
 #: Number of names that messages show.
 _MAX_SHOWN_NAMES = 20
 
@@ -147,7 +157,7 @@ class Roles:
     time : tuple of int
         Time; two columns for a date and a time of day, none for a table of shapes.
     axes : tuple of int
-        Coordinates: lat, lon or x, y[, z].
+        Coordinates: lat, lon or x, y[, z[, x4, ...]] or x0, x1, ...
     geographic : bool
         Whether coordinates are degrees.
     id : int, optional
@@ -156,6 +166,8 @@ class Roles:
         Attributes to keep, by name.
     heading : int, optional
         Heading in degrees clockwise from north.
+    accuracy : int, optional
+        Error of the position in metres.
     hemispheres : tuple of int or None
         Hemispheres of latitude and longitude, None for an axis without; empty if there are none.
     """
@@ -166,12 +178,13 @@ class Roles:
     id: int | None
     keep: Mapping[str, int]
     heading: int | None = None
+    accuracy: int | None = None
     hemispheres: tuple[int | None, ...] = ()
 
     @property
     def used(self) -> tuple[int, ...]:
         """All columns to read, without duplicates, in the order of the table."""
-        optional = (self.id, self.heading, *self.hemispheres)
+        optional = (self.id, self.heading, self.accuracy, *self.hemispheres)
         given = (i for i in optional if i is not None)
         return tuple(sorted({*self.time, *self.axes, *self.keep.values(), *given}))
 
@@ -183,8 +196,10 @@ def find_roles(
     where: str,
     *,
     heading: bool = False,
+    accuracy: bool = False,
     cells: Callable[[int], Sequence[str]] | None = None,
     times: bool = True,
+    optional: Sequence[str] = (),
 ) -> Roles:
     """Find the roles of a table's columns.
 
@@ -193,19 +208,21 @@ def find_roles(
     names : sequence of str
         Names of the columns in the log.
     columns : mapping of str to str, optional
-        Columns for some roles (``id``, ``t``, ``x``, ``y``, ``z``, ``lat``, ``lon``, ``heading``),
-        which override synonyms.
+        Columns for some roles (``id``, ``t``, ``x``, ``y``, ``z``, ``x0``, ``x1``, ..., ``lat``,
+        ``lon``, ``heading``), which override synonyms.
     keep : sequence of str
         Attributes to keep.
     where : str
         Name of the log for messages.
-    heading : bool, default False
-        Whether to look for headings; a log may have none.
+    heading, accuracy : bool, default False
+        Whether to look for headings, and for errors of positions; a log may have none.
     cells : callable, optional
         Returns some of the texts of a column. With it, columns of N, S, E and W are found also by
         their content.
     times : bool, default True
         Whether a column of times is required.
+    optional : sequence of str
+        Names of heights in ``keep`` that may be missing.
 
     Returns
     -------
@@ -228,15 +245,16 @@ def find_roles(
 
     # A column that the user has given overrides synonyms, whose order is their rank.
     def find(role: str, synonyms: Sequence[str]) -> int | None:
-        if role in fixed:
-            return fixed[role]
+        # Who numbers some axes means no others.
+        if role in fixed or (_NUMBERED.fullmatch(role) and any(map(_NUMBERED.fullmatch, fixed))):
+            return fixed.get(role)
         index = next((free[word] for word in synonyms if word in free), None)
         return None if index is None else _require_unique(names, index, where)
 
     # The position: degrees if there are any, unless x or y was given.
     geographic = False
-    axes = [find(role, _AXES[role]) for role in ("x", "y", "z")]
-    if not fixed.keys() & {"x", "y"}:
+    axes = _find_axes(find)
+    if not fixed.keys() & {"x", "y", "x0", "x1"}:
         degrees = [find(role, _AXES[role]) for role in ("lat", "lon")]
         geographic = None not in degrees or None in axes[:2]
         axes = degrees if geographic else axes
@@ -258,12 +276,40 @@ def find_roles(
         axes=tuple(axis for axis in axes if axis is not None),
         geographic=geographic,
         id=find("id", _ID),
-        keep={name: _find_attribute(names, plain, name, where) for name in keep},
+        keep={
+            name: _find_attribute(names, plain, name, where)
+            for name in keep
+            if name not in optional or {name, *HEIGHT_NAMES} & {*names, *plain}
+        },
         heading=find("heading", _HEADING) if heading else None,
+        accuracy=find("accuracy", _ACCURACY) if accuracy else None,
     )
     if not geographic:
         return roles
     return replace(roles, hemispheres=_find_hemispheres(names, roles, find, cells, where))
+
+
+def _find_axes(find: Callable[[str, Sequence[str]], int | None]) -> list[int | None]:
+    """Columns of the coordinates in metres: x, y, z, x4, x5, ..., or x0, x1, x2, ...
+
+    The former are the names that GPSZip writes. Without x and y, their columns are None.
+    """
+    # Numbered from 0.
+    axes = [find(role, _AXES[role]) for role in ("x", "y", "z")]
+    numbered = _find_numbered(find, 0)
+    if None in axes[:2] and len(numbered) > 1:
+        return list(numbered)
+
+    # Further ones follow z.
+    return axes if None in axes else [*axes, *_find_numbered(find, len(axes) + 1)]
+
+
+def _find_numbered(find: Callable[[str, Sequence[str]], int | None], first: int) -> list[int]:
+    """Columns x4, x5, ... from a number on, as far as there are some."""
+    found: list[int] = []
+    while (index := find(f"x{first + len(found)}", (f"x{first + len(found)}",))) is not None:
+        found.append(index)
+    return found
 
 
 def parse_columns(
@@ -323,6 +369,17 @@ def time_unit_in_name(name: str) -> float | None:
     # A single word such as `s` or `ms` may stand for anything; only these two are clear.
     has_unit = len(words) > 1 or words[0] in ("seconds", "milliseconds")
     return _UNITS.get(words[-1]) if has_unit else None
+
+
+def names_accuracy(name: str) -> bool:
+    """Whether a column of this name holds errors of positions in metres.
+
+    Examples
+    --------
+    >>> names_accuracy("horizontalAccuracy"), names_accuracy("hdop")
+    (True, False)
+    """
+    return _normalise_name(name) in _ACCURACY
 
 
 def _normalise_name(name: str) -> str:
@@ -465,9 +522,14 @@ def _canonical_role(role: str) -> str:
     known = {axis: axis for axis in _AXES}
     known |= {"id": "id", "track_id": "id", "t": "t", "time": "t", "timestamp": "t"}
     known |= {"latitude": "lat", "longitude": "lon", "lng": "lon", "heading": "heading"}
-    if role.strip().lower() not in known:
-        raise OptionError(f"--columns: {role!r} is not one of id, t, x, y, z, lat, lon, heading")
-    return known[role.strip().lower()]
+    name = role.strip().lower()
+    if _NUMBERED.fullmatch(name):
+        return name
+    if name not in known:
+        raise OptionError(
+            f"--columns: {role!r} is not one of id, t, x, y, z, x0, x1, ..., lat, lon, heading"
+        )
+    return known[name]
 
 
 def _list_names(names: Sequence[str]) -> str:

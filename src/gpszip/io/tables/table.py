@@ -224,6 +224,9 @@ def build_raw_log(
     if roles.heading is not None:
         kept.add(roles.heading)
         attributes["heading"] = to_floats(column[roles.heading], conventions.decimal_comma)
+    if roles.accuracy is not None:
+        kept.add(roles.accuracy)
+        attributes["accuracy"] = to_floats(column[roles.accuracy], conventions.decimal_comma)
     # Without a column of times, all tracks are shapes; the only track without an id has code 0.
     return RawLog(
         name=where,

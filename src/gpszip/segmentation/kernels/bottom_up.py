@@ -42,7 +42,9 @@ def _merge_cost(
 
 
 @jit
-def bottom_up(sums: PrefixSums, firsts: NDArray[np.int64], k: int) -> NDArray[np.int64]:
+def bottom_up(
+    sums: PrefixSums, firsts: NDArray[np.int64], is_head: NDArray[np.bool_], k: int
+) -> NDArray[np.int64]:
     """Merge blocks to k intervals; return the k + 1 boundaries.
 
     Repeats: merge the neighbours i and j with the least increase
@@ -59,6 +61,8 @@ def bottom_up(sums: PrefixSums, firsts: NDArray[np.int64], k: int) -> NDArray[np
         The track in ticks.
     firsts : int64 array, shape (b,)
         First samples of the blocks, b >= k.
+    is_head : bool array, shape (b,)
+        Whether a block begins a run; it is not merged into the block before it.
     k : int
         Number of intervals.
     """
@@ -81,6 +85,8 @@ def bottom_up(sums: PrefixSums, firsts: NDArray[np.int64], k: int) -> NDArray[np
     current = np.full(blocks, _NO_ENTRY)
     size, entries = 0, 0
     for j in range(blocks - 1):
+        if is_head[j + 1]:
+            continue
         owner[entries], current[j] = j, entries
         increase = _merge_cost(sums, firsts, rows, costs, j, j + 1, scratch)
         size = push(keys, items, size, increase, entries)
@@ -106,11 +112,12 @@ def bottom_up(sums: PrefixSums, firsts: NDArray[np.int64], k: int) -> NDArray[np
         # New entries for the pairs on both sides of it.
         if after[i] < blocks:
             before[after[i]] = i
+        if after[i] < blocks and not is_head[after[i]]:
             owner[entries], current[i] = i, entries
             increase = _merge_cost(sums, firsts, rows, costs, i, after[i], scratch)
             size = push(keys, items, size, increase, entries)
             entries += 1
-        if before[i] >= 0:
+        if before[i] >= 0 and not is_head[i]:
             h = before[i]
             owner[entries], current[h] = h, entries
             increase = _merge_cost(sums, firsts, rows, costs, h, i, scratch)

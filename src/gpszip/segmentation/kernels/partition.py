@@ -113,7 +113,8 @@ def optimal_penalised_partition(
             # The exact cost, where the bound leaves a chance.
             if b - cuts[g] >= min_samples and best_costs[g] + bound < best:
                 length = sums.t[b - 1] - sums.t[cuts[g]]
-                cost = best_costs[g] + penalty + lowest_cost(row, length, _BACKWARD, s, costs)
+                lowest = lowest_cost(row, length, _BACKWARD, s, costs, len(costs))
+                cost = best_costs[g] + penalty + lowest
                 if cost < best:
                     best, origin[h], label[h] = cost, g, int(np.argmin(costs))
 
@@ -145,7 +146,7 @@ def _interval_costs(
             x = sums.t[b - 1] - sums.t[a]
             add_sample(row, x, sums.w[a], sums.p, a, b - 1)
             if b - a >= min_samples:
-                table[b, a] = lowest_cost(row, x, _BACKWARD, s, costs)
+                table[b, a] = lowest_cost(row, x, _BACKWARD, s, costs, len(costs))
                 labels[b, a] = np.argmin(costs)
     return table, labels
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import inner, inner_uncounted, jit
+from gpszip.kernels.jit import inner_uncounted, jit
 from gpszip.kernels.sums import PrefixSums, add_sample, best_line_cost
 
 __all__ = [
@@ -33,6 +33,9 @@ _SLACK = 1e-9
 
 #: Column of a row of moments that holds the sum of squared distances.
 _SQUARES = 3
+
+#: Lower bounds are taken at each of so many samples: they take as long as the costs themselves.
+_EVERY = 8
 
 #: Cut of :func:`best_cut` that stands for "no current state".
 NO_CUT = -1
@@ -81,8 +84,9 @@ def lowest_cost(
     still: float,
     s: NDArray[np.float64],
     costs: NDArray[np.float64],
+    m: int,
 ) -> float:
-    """Write the costs of an interval against all segments; return the lowest.
+    """Write the costs of an interval against the first m segments of a table; return the lowest.
 
     Equation 6.14: with the moments W, U1, U2, Q, M and N in normalised time u from 0 to 1,
 
@@ -97,12 +101,14 @@ def lowest_cost(
     still : float
         Share of the segment at which an interval without duration stays: 0, or 1 where time runs
         backward.
-    s : float64 array, shape (2 d + 3, m)
+    s : float64 array, shape (2 d + 3, m or more)
         Coefficients of the segments.
-    costs : float64 array, shape (m,)
+    costs : float64 array, shape (m or more,)
         Written.
+    m : int
+        Number of segments, at least one.
     """
-    m, d = len(costs), (len(row) - 4) // 2
+    d = (len(row) - 4) // 2
 
     # Moments in normalised time.
     inverse = 1.0 / length if length > 0 else 0.0
@@ -159,13 +165,26 @@ def _right_moments(sums: PrefixSums, c: int, b: int, row: NDArray[np.float64]) -
         add_sample(row, sums.t[b - 1] - sums.t[i], sums.w[i], sums.p, i, b - 1)
 
 
-@inner
+@inner_uncounted
 def _right_moment_table(sums: PrefixSums, a: int, b: int, table: NDArray[np.float64]) -> None:
     """Write the moments of [c, b) for all c from a to b, each to row c - a of the table."""
-    table[b - a] = 0.0
+    # Rows are not taken as arrays: that would take as long as the sums.
+    d = sums.p.shape[1]
+    p, t, weights = sums.p, sums.t, sums.w
+    for column in range(2 * d + 4):
+        table[b - a, column] = 0.0
     for i in range(b - 1, a - 1, -1):
-        table[i - a] = table[i - a + 1]
-        add_sample(table[i - a], sums.t[b - 1] - sums.t[i], sums.w[i], sums.p, i, b - 1)
+        j, x, w = i - a, t[b - 1] - t[i], weights[i]
+        table[j, 0] = table[j + 1, 0] + w
+        table[j, 1] = table[j + 1, 1] + w * x
+        table[j, 2] = table[j + 1, 2] + w * x * x
+        squares = table[j + 1, 3]
+        for c in range(d):
+            r = p[i, c] - p[b - 1, c]
+            squares += w * r * r
+            table[j, 4 + c] = table[j + 1, 4 + c] + w * r
+            table[j, 4 + d + c] = table[j + 1, 4 + d + c] + w * x * r
+        table[j, 3] = squares
 
 
 @inner_uncounted
@@ -176,12 +195,13 @@ def _left_cost(
     row: NDArray[np.float64],
     s: NDArray[np.float64],
     costs: NDArray[np.float64],
+    m: int,
 ) -> float:
-    """Write the costs of [a, c) against all segments; return the lowest."""
+    """Write the costs of [a, c) against the first m segments of a table; return the lowest."""
     if c == a:
-        costs[:] = 0.0
+        costs[:m] = 0.0
         return 0.0
-    return lowest_cost(row, sums.t[c - 1] - sums.t[a], 0.0, s, costs)
+    return lowest_cost(row, sums.t[c - 1] - sums.t[a], 0.0, s, costs, m)
 
 
 @inner_uncounted
@@ -192,12 +212,13 @@ def _right_cost(
     row: NDArray[np.float64],
     s: NDArray[np.float64],
     costs: NDArray[np.float64],
+    m: int,
 ) -> float:
-    """Write the costs of [c, b) against all segments; return the lowest."""
+    """Write the costs of [c, b) against the first m segments of a table; return the lowest."""
     if c == b:
-        costs[:] = 0.0
+        costs[:m] = 0.0
         return 0.0
-    return lowest_cost(row, sums.t[b - 1] - sums.t[c], 1.0, s, costs)
+    return lowest_cost(row, sums.t[b - 1] - sums.t[c], 1.0, s, costs, m)
 
 
 @inner_uncounted
@@ -216,8 +237,153 @@ def _both_costs(
     """Write the moments and the costs of both sides of a cut."""
     _left_moments(sums, a, c, left_row)
     _right_moments(sums, c, b, right_row)
-    _left_cost(sums, a, c, left_row, s_left, left_costs)
-    _right_cost(sums, c, b, right_row, s_right, right_costs)
+    _left_cost(sums, a, c, left_row, s_left, left_costs, len(left_costs))
+    _right_cost(sums, c, b, right_row, s_right, right_costs, len(right_costs))
+
+
+@inner_uncounted
+def _squared_distance(
+    p: NDArray[np.float64],
+    i: int,
+    starts: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    label: int,
+    inverse: float,
+) -> float:
+    """Return the squared distance of sample i from the nearest point of a segment.
+
+    ``inverse`` is one over the squared length of the segment, 0 if it has none.
+    """
+    # Share of the segment at which the nearest point lies.
+    share = 0.0
+    for c in range(p.shape[1]):
+        share += (p[i, c] - starts[label, c]) * (ends[label, c] - starts[label, c])
+    share = min(max(share * inverse, 0.0), 1.0)
+
+    # Distance from it.
+    total = 0.0
+    for c in range(p.shape[1]):
+        e = p[i, c] - starts[label, c] - share * (ends[label, c] - starts[label, c])
+        total += e * e
+    return total
+
+
+@inner_uncounted
+def _window_squares(sums: PrefixSums, a: int, b: int, table: NDArray[np.float64]) -> float:
+    """Return the sums of squared distances of [a, b) from sample b - 1 and from sample a.
+
+    With the moments Q, M and W about sample b - 1, and r from sample a to it, the latter is
+    ``Q + 2 r M + |r|^2 W``.
+    """
+    squares = 2.0 * table[0, _SQUARES]
+    for c in range(sums.p.shape[1]):
+        r = sums.p[b - 1, c] - sums.p[a, c]
+        squares += 2.0 * r * table[0, 4 + c] + r * r * table[0, 0]
+    return squares
+
+
+@inner_uncounted
+def _invert_lengths(
+    starts: NDArray[np.float64], ends: NDArray[np.float64], inverse: NDArray[np.float64]
+) -> None:
+    """Write one over the squared length of each segment, 0 for those without a length."""
+    for label in range(len(starts)):
+        total = 0.0
+        for c in range(starts.shape[1]):
+            total += (ends[label, c] - starts[label, c]) ** 2
+        inverse[label] = 1.0 / total if total > 0 else 0.0
+
+
+@inner_uncounted
+def _first_right_cuts(
+    sums: PrefixSums,
+    a: int,
+    b: int,
+    starts: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    inverse: NDArray[np.float64],
+    limit: float,
+    cuts: NDArray[np.int64],
+) -> None:
+    """Write the first cut from which each segment may be the right one.
+
+    The cost of [c, b) is at least the sum over its samples of their squared distances from the
+    segment, wherever it is at their times. Some of the samples suffice for a lower bound. Before
+    the cut, it is above the limit.
+    """
+    for label in range(len(starts)):
+        cuts[label] = a
+        total = 0.0
+        for i in range(b - 1, a - 1, -_EVERY):
+            total += sums.w[i] * _squared_distance(sums.p, i, starts, ends, label, inverse[label])
+            if total > limit:
+                cuts[label] = i + 1
+                break
+
+
+@inner_uncounted
+def _order_columns(
+    keys: NDArray[np.int64], order: NDArray[np.int64], s: NDArray[np.float64]
+) -> None:
+    """Sort keys, with the order and the columns of a table, by insertion; in place."""
+    for j in range(1, len(keys)):
+        i = j
+        while i > 0 and keys[i - 1] > keys[i]:
+            _swap_columns(keys, order, s, i - 1, i)
+            i -= 1
+
+
+@inner_uncounted
+def _swap_columns(
+    keys: NDArray[np.int64], order: NDArray[np.int64], s: NDArray[np.float64], i: int, j: int
+) -> None:
+    keys[i], keys[j] = keys[j], keys[i]
+    order[i], order[j] = order[j], order[i]
+    for row in range(len(s)):
+        s[row, i], s[row, j] = s[row, j], s[row, i]
+
+
+@inner_uncounted
+def _drop_far_segments(
+    sums: PrefixSums,
+    i: int,
+    starts: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    inverse: NDArray[np.float64],
+    limit: float,
+    bounds: NDArray[np.float64],
+    order: NDArray[np.int64],
+    s: NDArray[np.float64],
+    count: int,
+) -> int:
+    """Add sample i to the lower bounds of the left segments; drop those above the limit.
+
+    Returns the number of segments that are left; they come first in the order, the bounds and the
+    table.
+    """
+    j = 0
+    while j < count:
+        label = order[j]
+        bounds[j] += sums.w[i] * _squared_distance(sums.p, i, starts, ends, label, inverse[label])
+        if bounds[j] > limit:
+            # The last one takes its place.
+            count -= 1
+            bounds[j], order[j], order[count] = bounds[count], order[count], label
+            for row in range(len(s)):
+                s[row, j] = s[row, count]
+        else:
+            j += 1
+    return count
+
+
+@inner_uncounted
+def _cheapest(costs: NDArray[np.float64], order: NDArray[np.int64], count: int) -> int:
+    """Return the label with the lowest cost; of equal ones the least label."""
+    best = 0
+    for j in range(1, count):
+        if costs[j] < costs[best] or (costs[j] == costs[best] and order[j] < order[best]):
+            best = j
+    return int(order[best])
 
 
 @jit
@@ -238,7 +404,8 @@ def best_cut(
 
     Minimises ``min_l c_l(a, c) + min_r c_r(c, b)`` over c, both ends included. Costs against the
     samples' own best lines are lower bounds and prune the search: the left one never falls as c
-    grows, so that it ends the scan.
+    grows, so that it ends the scan. Distances of samples from the segments as lines prune segments:
+    their sums over [a, c) never fall as c grows, nor do those over [c, b) as it shrinks.
 
     Parameters
     ----------
@@ -292,42 +459,73 @@ def best_cut(
         best = left_costs[current_left] + right_costs[current_right]
         left_row[:] = 0.0
 
-    # Try all cuts c from left to right.
+    # Segments that may be the left or the right one; far ones are none of them.
+    left_order, right_order, inverse = np.arange(m), np.arange(m), np.empty(m)
+    left_bounds, right_cuts = np.zeros(m), np.full(m, a)
+    lefts, rights = m, 0
+    slack, next_bound, left_bound, right_bound = 0.0, a, 0.0, 0.0
     if not naive:
         _right_moment_table(sums, a, b, table)
+        slack = _SLACK * _window_squares(sums, a, b, table)
+        _invert_lengths(starts, ends, inverse)
+        limit = best * (1 + _SLACK) + slack
+        _first_right_cuts(sums, a, b, starts, ends, inverse, limit, right_cuts)
+        _order_columns(right_cuts, right_order, s_right)
+
+    # Try all cuts c from left to right.
     for c in range(a, b + 1 - min_samples):
         # Moments of both sides.
         if naive:
             _left_moments(sums, a, c, left_row)
             _right_moments(sums, c, b, right_row)
-        else:
-            if c > a:
-                x = sums.t[c - 1] - sums.t[a]
-                add_sample(left_row, x, sums.w[c - 1], sums.p, c - 1, a)
-            right_row = table[c - a]
-        if c - a < min_samples:
+        elif c > a:
+            x = sums.t[c - 1] - sums.t[a]
+            add_sample(left_row, x, sums.w[c - 1], sums.p, c - 1, a)
+
+        # Segments of both sides.
+        while rights < m and right_cuts[rights] <= c:
+            rights += 1
+        if not naive and c > a and (c - 1 - a) % _EVERY == 0:
+            limit = best * (1 + _SLACK) + slack
+            lefts = _drop_far_segments(
+                sums,
+                c - 1,
+                starts,
+                ends,
+                inverse,
+                limit,
+                left_bounds,
+                left_order,
+                s_left,
+                lefts,
+            )
+            if lefts == 0:
+                break
+        if c - a < min_samples or rights == 0:
             continue
 
         # Lower bounds, less what rounding may add to them.
-        if naive:
-            right_bound = 0.0
-        else:
-            free = best_line_cost(left_row)
-            slack = _SLACK * (left_row[_SQUARES] + right_row[_SQUARES])
-            if free - slack >= best:
-                break
-            right_bound = best_line_cost(right_row) - slack
-            if free + right_bound >= best:
+        if not naive:
+            if c >= next_bound:
+                left_bound = best_line_cost(left_row) - slack
+                if left_bound >= best:
+                    break
+                next_bound = min(c + _EVERY, b)
+                right_bound = best_line_cost(table[next_bound - a]) - slack
+                next_bound += 1
+            if left_bound + right_bound >= best:
                 continue
+            right_row = table[c - a]
 
         # Costs against the segments; the right side only if the left one leaves a chance.
-        cost = _left_cost(sums, a, c, left_row, s_left, left_costs)
+        cost = _left_cost(sums, a, c, left_row, s_left, left_costs, lefts)
         if cost + right_bound >= best and not naive:
             continue
-        cost += _right_cost(sums, c, b, right_row, s_right, right_costs)
+        cost += _right_cost(sums, c, b, right_row, s_right, right_costs, rights)
         if cost < best:
             best, cut = cost, c
-            left, right = int(np.argmin(left_costs)), int(np.argmin(right_costs))
+            left = _cheapest(left_costs, left_order, lefts)
+            right = _cheapest(right_costs, right_order, rights)
     return best, cut, left, right
 
 
@@ -497,6 +695,6 @@ def best_cuts(
         # Cost of one.
         segment_coefficients(starts, ends, sums.p, a, s)
         _left_moments(sums, a, b, row)
-        lowest_cost(row, sums.t[b - 1] - sums.t[a], 0.0, s, costs)
+        lowest_cost(row, sums.t[b - 1] - sums.t[a], 0.0, s, costs, m)
         gains[j] = costs[labels[j]] - best
     return gains, cuts, left, right

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.drawing.chart import chart_figure
+from gpszip.drawing.elapsed import time_unit
 from gpszip.drawing.map_lines import draw_samples
 from gpszip.drawing.style import EDGE_COLOR, INK, MM_PER_INCH
 from gpszip.errors import OptionError
-from gpszip.view.plots.elapsed import time_unit
 from gpszip.view.plots.subject import Subject, require_times
 from gpszip.walks.error import synchronised_errors
 

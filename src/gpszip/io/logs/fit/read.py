@@ -69,7 +69,8 @@ def read_fit(source: Source, request: Request) -> RawLog:
         If fitdecode isn't installed.
     """
     # Read all records.
-    wanted = {field for name in request.keep for field in _fields_named(name)}
+    names = (*request.required, *request.optional)
+    wanted = {field for name in names for field in _fields_named(name)}
     records = parse_fit(source, wanted)
     _require_positions(records, request, source.name)
 
@@ -186,10 +187,12 @@ def _attributes(
     """
     attributes: dict[str, NDArray[np.generic]] = {}
     used: set[str] = set()
-    for name in request.keep:
+    for name in (*request.required, *request.optional):
         fields = _fields_named(name)
         found = next((field for field in fields if field in records.present), None)
         if found is None:
+            if name in request.optional:
+                continue
             shown = ", ".join(list(records.present)[:_MAX_SHOWN_FIELDS])
             remedy = f"its records have: {shown or 'position and time only'}"
             raise InputError(f"no {name!r} to keep", path=where, remedy=remedy)

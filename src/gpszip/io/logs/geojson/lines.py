@@ -127,7 +127,7 @@ def log_from_lines(contents: Contents, request: Request, *, metric: bool) -> Raw
     for name in request.keep:
         if name not in kept and name in HEIGHT_NAMES and has_heights:
             kept[name], takes_heights = table[:, 2], True
-    if missing := [name for name in request.keep if name not in kept]:
+    if missing := [name for name in request.keep if name not in {*kept, *request.optional}]:
         raise InputError(
             f"its positions have no {missing[0]!r}",
             path=contents.name,

@@ -103,7 +103,13 @@ class PointTable:
         axes = {"x": "x", "y": "y"} if metric else {"lat": "lat", "lon": "lon"}
         by_role = request.columns if isinstance(request.columns, Mapping) else {}
         roles = find_roles(
-            names, {**by_role, **axes}, request.keep, self._name, heading=request.heading
+            names,
+            {**by_role, **axes},
+            request.keep,
+            self._name,
+            heading=request.heading,
+            accuracy=request.accuracy,
+            optional=request.optional,
         )
         roles = replace(roles, hemispheres=())
 

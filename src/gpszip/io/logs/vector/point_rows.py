@@ -192,7 +192,9 @@ def open_point_rows(
         request.keep,
         where,
         heading=request.heading,
+        accuracy=request.accuracy,
         times=request.times,
+        optional=request.optional,
     )
     # Coordinates of geometries have a sign, so there are no hemispheres.
     roles = replace(roles, hemispheres=())

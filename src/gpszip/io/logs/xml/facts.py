@@ -98,7 +98,8 @@ def fields_to_collect(request: Request) -> set[str]:
     >>> sorted(fields_to_collect(Request(keep=("power",))))
     ['power', 'time', 'watts']
     """
-    wanted = {field for name in request.keep for field in _fields_named(name)}
+    names = (*request.required, *request.optional)
+    wanted = {field for name in names for field in _fields_named(name)}
     return wanted | {"time", *(_COURSES if request.heading else ())}
 
 
@@ -139,6 +140,7 @@ def find_facts(batches: Iterable[LogPoints], source: Source, request: Request) -
     # Decide on columns.
     comma = collected.has_comma and not collected.has_point
     kept = _kept_fields(last.present, request, source.name)
+    kept |= _optional_fields(last.present, request, collected.numbers, comma=comma)
     numbers = frozenset(field for field in kept.values() if comma in collected.numbers[field])
     course = next((name for name in _COURSES if name in collected.known_numbers), None)
     return LogFacts(
@@ -269,7 +271,7 @@ def _kept_fields(present: Mapping[str, str], request: Request, where: str) -> di
     """Return the element to keep for each name that was asked for."""
     found = {field: shown for field, shown in present.items() if field != "time"}
     kept = {}
-    for name in request.keep:
+    for name in request.required:
         field = next((field for field in _fields_named(name) if field in found), None)
         if field is None:
             names = ", ".join(list(found.values())[:_MAX_SHOWN_NAMES])
@@ -277,3 +279,19 @@ def _kept_fields(present: Mapping[str, str], request: Request, where: str) -> di
             raise InputError(f"no {name!r} to keep", path=where, remedy=f"its points have: {shown}")
         kept[name] = field
     return kept
+
+
+def _optional_fields(
+    present: Mapping[str, str],
+    request: Request,
+    numbers: Mapping[str, set[bool]],
+    *,
+    comma: bool,
+) -> dict[str, str]:
+    """Return the elements to keep if points have them, and all of their texts are numbers."""
+    found = {}
+    for name in request.optional:
+        fields = [field for field in _fields_named(name) if field in present]
+        if fields and comma in numbers[fields[0]]:
+            found[name] = fields[0]
+    return found

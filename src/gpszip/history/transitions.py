@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from gpszip.history.traversals import Traversals
 from gpszip.model import Network
 
-__all__ = ["Likelihood", "MarkovModel", "learn_markov_model"]
+__all__ = ["EdgeTransitions", "RouteLikelihood", "learn_transitions"]
 
 #: Traversals by which each exit of a node counts more than it was taken.
 _SMOOTHING = 0.5
 
 
 @dataclass(frozen=True)
-class Likelihood:
+class RouteLikelihood:
     """How likely a log is under a Markov model.
 
     Parameters
@@ -49,7 +49,7 @@ class Likelihood:
 
 
 @dataclass(frozen=True, eq=False)
-class MarkovModel:
+class EdgeTransitions:
     """Transitions between directed edges, ``2 * edge`` forward and ``2 * edge + 1`` backward.
 
     Parameters
@@ -94,16 +94,16 @@ class MarkovModel:
         probability: NDArray[np.float64] = (counts + self.smoothing) / total
         return probability
 
-    def likelihood(self, traversals: Traversals) -> Likelihood:
+    def likelihood(self, traversals: Traversals) -> RouteLikelihood:
         """How likely traversals of the same network are."""
         at, directed = traversals.follows, traversals.directed
         probability = self.probability(directed[at - 1], directed[at])
-        return Likelihood(float(-np.log2(probability).sum()), len(at))
+        return RouteLikelihood(float(-np.log2(probability).sum()), len(at))
 
 
-def learn_markov_model(
+def learn_transitions(
     network: Network, traversals: Traversals, smoothing: float = _SMOOTHING
-) -> MarkovModel:
+) -> EdgeTransitions:
     """Count the transitions of all tracks.
 
     Parameters
@@ -120,7 +120,7 @@ def learn_markov_model(
     >>> import gpszip
     >>> from gpszip.history.traversals import read_history
     >>> ring = gpszip.testing.ring(4, laps=5)
-    >>> model = learn_markov_model(*read_history(gpszip.compress(ring.tracks, max_error=5)))
+    >>> model = learn_transitions(*read_history(gpszip.compress(ring.tracks, max_error=5)))
     >>> bool((model.probabilities > 0.7).all())
     True
     """
@@ -136,4 +136,4 @@ def learn_markov_model(
     )
     exits = np.stack([degree[network.ends], degree[network.starts]], axis=1).reshape(-1)
     totals = np.bincount(before, weights=counts, minlength=size).astype(np.int64)
-    return MarkovModel(before, after, counts.astype(np.int64), totals, exits, smoothing)
+    return EdgeTransitions(before, after, counts.astype(np.int64), totals, exits, smoothing)

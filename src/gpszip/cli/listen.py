@@ -1,0 +1,340 @@
+"""gpszip listen: take positions as they come, and keep them durably."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+from collections.abc import Sequence
+from datetime import UTC, tzinfo
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpszip.cli.format_lists import CommandWithFormats
+from gpszip.cli.options import Settings, common_options, quiet
+from gpszip.cli.outcome import Outcome
+from gpszip.cli.units import DURATION, LENGTH
+
+if TYPE_CHECKING:
+    from gpszip.live import FixSource, Journal, Notices, Recorder
+    from gpszip.live.listen import Rolling
+    from gpszip.live.rolling.roll import RollReport
+
+__all__ = ["command"]
+
+#: Agent of receivers and streams that name none.
+_DEFAULT_NAME = "log"
+
+
+@click.command(
+    "listen",
+    cls=CommandWithFormats,
+    short_help="Take positions as they come, and keep them durably.",
+)
+@click.option(
+    "--journal",
+    "folder",
+    metavar="DIR",
+    required=True,
+    help="Folder of the journal; it is made if it is missing.",
+)
+@click.option(
+    "--http",
+    metavar="HOST:PORT",
+    help="Serve OwnTracks, Overland, Traccar Client, OsmAnd and GPSLogger; 8085 means "
+    "127.0.0.1:8085.",
+)
+@click.option(
+    "--mqtt",
+    metavar="URL",
+    help="Subscribe to OwnTracks at a broker: mqtt://[USER:PASSWORD@]HOST[:PORT][/BASE], mqtts://.",
+)
+@click.option("--gpsd", metavar="HOST:PORT", help="Read the reports of gpsd; port 2947 by default.")
+@click.option(
+    "--nmea",
+    metavar="URL",
+    multiple=True,
+    help="Read NMEA: tcp://HOST:PORT, udp://:PORT, or a file, pipe or serial device; repeatable.",
+)
+@click.option("--stdin", is_flag=True, help="Read standard input; the default without a source.")
+@click.option(
+    "--token",
+    metavar="TEXT",
+    envvar="GPSZIP_TOKEN",
+    show_envvar=True,
+    help="What senders have to know: a bearer token, or the password of basic authentication.",
+)
+@click.option(
+    "--name", metavar="TEXT", help="Name of the agent where a receiver or stream names none."
+)
+@click.option("--columns", metavar="ROLES", help="Which column of CSV is what: t=when,x=east.")
+@click.option(
+    "--timezone",
+    metavar="ZONE",
+    default="UTC",
+    show_default=True,
+    help="Zone of times that name none, such as Europe/Berlin.",
+)
+@click.option(
+    "--archive",
+    metavar="FILE",
+    help="Append the journal to this archive at the end, and with --roll; made if it is missing.",
+)
+@click.option(
+    "--roll",
+    "every",
+    type=DURATION,
+    metavar="DURATION",
+    help="Append the journal to the archive each time so long has passed, such as 1h.",
+)
+@click.option(
+    "--roll-now",
+    is_flag=True,
+    help="Append the journal to the archive, and end; no source is opened.",
+)
+@click.option("--rmse", type=LENGTH, metavar="LENGTH", help="RMSE of a new archive.")
+@click.option(
+    "--max-error",
+    type=LENGTH,
+    metavar="LENGTH",
+    help="Largest error of any fix in a new archive; by default four times the RMSE.",
+)
+@click.option(
+    "--effort",
+    type=click.IntRange(1, 9),
+    default=5,
+    show_default=True,
+    help="From 1, fast, to 9, small archives.",
+)
+@quiet
+@common_options
+@click.pass_obj
+def command(
+    settings: Settings,
+    /,
+    folder: str,
+    quiet: bool,
+    **choices: Any,
+) -> Outcome:
+    """Take positions of phones, receivers and streams, and keep them in a journal on disk.
+
+    Senders are told that a position was taken once it is on disk: nothing that was acknowledged is
+    lost, whenever the machine stops. Repeats are left out. What can't be used is counted and told,
+    and not sent again by apps. Ctrl-C ends the command.
+    """
+    from gpszip.cli.output import print_status
+    from gpszip.live import Journal, Notices, Recorder
+
+    # Refuse what can be refused before anything is opened.
+    is_quiet = quiet or settings.json
+    notices = Notices(_no_line if is_quiet else print_status)
+    timezone = _timezone(choices["timezone"])
+    archive = _check_archive(choices)
+    if choices["roll_now"]:
+        _print_result(folder, notices, _roll(folder, choices), settings, quiet=quiet)
+        return Outcome.DONE
+    journal = Journal(folder)
+    try:
+        # Known fixes first, then sources: whoever connects is answered at once.
+        recorder = Recorder(journal, notices)
+        tell = _no_line if is_quiet else print_status
+        sources = _open_sources(choices | {"folder": folder}, timezone, notices, recorder, tell)
+        rolling = _rolling(folder, choices)
+        asyncio.run(_listen(sources, journal, recorder, notices, rolling))
+    finally:
+        journal.close()
+
+    # What came since the archive was written last.
+    report = None if archive is None else _roll(folder, choices)
+    _print_result(folder, notices, report, settings, quiet=quiet)
+    return Outcome.DONE
+
+
+def _no_line(_text: str) -> None:
+    """Take a line that nobody wants to see."""
+
+
+async def _listen(
+    sources: Sequence[FixSource],
+    journal: Journal,
+    recorder: Recorder,
+    notices: Notices,
+    rolling: Rolling | None,
+) -> None:
+    from gpszip.live.listen import listen
+
+    await listen(sources, journal, recorder, notices, rolling)
+
+
+def _check_archive(choices: dict[str, Any]) -> str | None:
+    """Refuse an archive to which nothing can be appended, and options that need one."""
+    from gpszip.cli.output import check_output
+    from gpszip.live.rolling.archives import open_archives
+
+    archive: str | None = choices["archive"]
+    if archive is None:
+        for option in ("every", "roll_now", "rmse", "max_error"):
+            if choices[option]:
+                name = "--roll" if option == "every" else f"--{option.replace('_', '-')}"
+                raise click.UsageError(f"{name} needs --archive, the archive to append to")
+        return None
+    check_output(archive, force=True)
+    is_bounded = choices["rmse"] is not None or choices["max_error"] is not None
+    if not open_archives(archive) and not is_bounded:
+        raise click.UsageError(f"{archive}: a new archive needs a bound; add one, as --rmse 5m")
+    return archive
+
+
+def _rolling(folder: str, choices: dict[str, Any]) -> Rolling | None:
+    """Append to the archive from time to time, by this command in another process."""
+    from gpszip.live.listen import Rolling
+
+    if choices["every"] is None:
+        return None
+    words = ["-m", "gpszip", "listen", "--journal", folder, "--archive", choices["archive"]]
+    words += ["--roll-now", "--quiet", "--effort", str(choices["effort"])]
+    for name in ("rmse", "max_error"):
+        if choices[name] is not None:
+            words += [f"--{name.replace('_', '-')}", repr(choices[name])]
+    return Rolling(choices["every"], words)
+
+
+def _roll(folder: str, choices: dict[str, Any]) -> RollReport:
+    from gpszip.live.rolling.roll import roll
+    from gpszip.model import Options
+
+    options = Options(
+        rmse=choices["rmse"], max_error=choices["max_error"], effort=choices["effort"]
+    )
+    return roll(folder, choices["archive"], options)
+
+
+def _open_sources(
+    choices: dict[str, Any],
+    timezone: tzinfo,
+    notices: Notices,
+    recorder: Recorder,
+    tell: Any,
+) -> list[FixSource]:
+    """Open the sources that were asked for; standard input if there is none."""
+    sources: list[FixSource] = []
+    name = choices["name"] or ""
+    if choices["http"]:
+        from gpszip.live.sources.http import HttpSource
+
+        host, port = _address(choices["http"], "--http", 8085)
+        health = functools.partial(_health, recorder)
+        server = HttpSource(
+            host, port, notices, token=choices["token"], timezone=timezone, health=health
+        )
+        tell(f"listening at http://{server.address}")
+        sources.append(server)
+    if choices["mqtt"]:
+        from gpszip.live.sources.mqtt import MqttSource
+
+        sources.append(MqttSource(choices["mqtt"], choices["folder"], notices))
+    if choices["gpsd"]:
+        from gpszip.live.sources.gpsd import GpsdSource
+
+        sources.append(GpsdSource(*_address(choices["gpsd"], "--gpsd", 2947), name, notices))
+    for address in choices["nmea"]:
+        from gpszip.live.sources.nmea import open_nmea
+
+        sources.append(open_nmea(address, name, notices))
+    if choices["stdin"] or not sources:
+        from gpszip.io.tables.roles import parse_columns
+        from gpszip.live.sources.stdin import StreamSource
+
+        columns = parse_columns(choices["columns"])
+        if isinstance(columns, tuple):
+            raise click.UsageError("--columns: name columns of the header, as t=when,x=east")
+        sources.append(
+            StreamSource(
+                0, "standard input", name or _DEFAULT_NAME, columns=columns, timezone=timezone
+            )
+        )
+    return sources
+
+
+def _health(recorder: Recorder) -> dict[str, Any]:
+    """Facts for monitors."""
+    return {
+        "status": "ok" if recorder.last_error is None else recorder.last_error,
+        "last_received": recorder.last_received,
+    }
+
+
+def _address(text: str, option: str, default_port: int) -> tuple[str, int]:
+    """Split HOST:PORT; a port alone is one of this machine.
+
+    Examples
+    --------
+    >>> _address("8085", "--http", 1), _address("[::1]:9", "--http", 1)
+    (('127.0.0.1', 8085), ('::1', 9))
+    """
+    # A bare number is a port, a bare name a host.
+    host, colon, port = text.rpartition(":")
+    if not colon:
+        host, port = ("127.0.0.1", text) if text.isdecimal() else (text, str(default_port))
+    host = host.strip("[]") or "127.0.0.1"
+    if not port.isdecimal() or int(port) > 65_535:
+        raise click.UsageError(f"{option} {text}: give HOST:PORT, such as 127.0.0.1:{default_port}")
+    return host, int(port)
+
+
+def _timezone(name: str) -> tzinfo:
+    from zoneinfo import ZoneInfo
+
+    if name == "UTC":
+        return UTC
+    try:
+        return ZoneInfo(name)
+    except (ValueError, OSError, KeyError):
+        raise click.UsageError(
+            f"--timezone {name}: no such zone; give one such as Europe/Berlin"
+        ) from None
+
+
+def _print_result(
+    folder: str,
+    notices: Notices,
+    report: RollReport | None,
+    settings: Settings,
+    *,
+    quiet: bool,
+) -> None:
+    """Say what was stored, left out and archived."""
+    from dataclasses import asdict
+
+    from gpszip.cli.output import print_json, print_status
+
+    # For programs.
+    counts = dict(notices.counts)
+    stored = counts.pop("stored", 0)
+    if settings.json:
+        archived = None if report is None else asdict(report)
+        print_json({"journal": folder, "stored": stored, "counts": counts, "archived": archived})
+        return
+
+    # For a person.
+    if quiet:
+        return
+    others = [f"{event}: {number:,}" for event, number in counts.items()]
+    print_status("; ".join([f"{folder}: {_fixes(stored)} stored", *others]))
+    if report is not None:
+        print_status(_describe(report))
+
+
+def _describe(report: RollReport) -> str:
+    """Say what was archived."""
+    where = ", ".join(report.archives) or "no archive was written"
+    facts = [f"{where}: {_fixes(report.fixes - report.known)} appended"]
+    facts += [f"{report.known:,} held already"] if report.known else []
+    facts += [f"{report.late:,} late, in further tracks"] if report.late else []
+    facts += [f"{report.damaged:,} damaged records passed over"] if report.damaged else []
+    deleted = "1 segment" if report.segments == 1 else f"{report.segments:,} segments"
+    return "; ".join([*facts, f"{deleted} of the journal deleted"])
+
+
+def _fixes(count: int) -> str:
+    return "1 fix" if count == 1 else f"{count:,} fixes"

@@ -1,0 +1,189 @@
+"""gpszip replay: send a log as if it came live."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+from urllib.parse import SplitResult, urlsplit
+
+import click
+
+from gpszip.cli.format_lists import CommandWithFormats
+from gpszip.cli.options import (
+    Settings,
+    common_options,
+    quiet,
+    time_options,
+    time_order_options,
+)
+from gpszip.cli.outcome import Outcome
+from gpszip.cli.selecting import pop_selection, selection_options
+
+if TYPE_CHECKING:
+    from gpszip.live.replay.messages import Sample
+    from gpszip.live.replay.play import Played, Target
+
+__all__ = ["command"]
+
+#: Kinds of messages, those of gpszip.live.replay.messages, whose import --help must not wait for.
+_KINDS = ("owntracks", "overland", "traccar", "osmand", "gpslogger", "nmea")
+
+#: Schemes of --to for apps, for OwnTracks, and for NMEA.
+_HTTP_SCHEMES = ("http", "https")
+_MQTT_SCHEMES = ("mqtt", "mqtts")
+_NMEA_SCHEMES = ("tcp", "udp")
+
+
+@click.command("replay", cls=CommandWithFormats, short_help="Send a log as if it came live.")
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True)
+@click.option(
+    "--as",
+    "kind",
+    type=click.Choice(_KINDS),
+    required=True,
+    help="The app or receiver whose messages are sent.",
+)
+@click.option(
+    "--to",
+    "target",
+    metavar="URL",
+    required=True,
+    help="http://HOST:PORT/PATH; for OwnTracks mqtt://HOST/BASE, too; for NMEA udp://HOST:PORT, "
+    "tcp://HOST:PORT to wait for a client there, or - for standard output.",
+)
+@click.option(
+    "--speed",
+    type=click.FloatRange(min=0, min_open=True),
+    default=1.0,
+    show_default=True,
+    help="Seconds of the log in a second; inf sends all at once.",
+)
+@click.option(
+    "--connections",
+    type=click.IntRange(1, 256),
+    default=8,
+    show_default=True,
+    help="Connections at once, as of so many phones; each track has one.",
+)
+@click.option(
+    "--token",
+    metavar="TEXT",
+    envvar="GPSZIP_TOKEN",
+    show_envvar=True,
+    help="Token of the server, sent as a bearer token.",
+)
+@time_order_options
+@click.option("--columns", metavar="ROLES", help="Which column of LOG is what: t=when,x=east.")
+@time_options
+@selection_options
+@quiet
+@common_options
+@click.pass_obj
+def command(
+    settings: Settings,
+    /,
+    logs: tuple[str, ...],
+    kind: str,
+    target: str,
+    speed: float,
+    connections: int,
+    token: str | None,
+    quiet: bool,
+    **reading: Any,
+) -> Outcome:
+    """Send the positions of LOG as an app or receiver would, when they are due.
+
+    Times are those of the log. Each track is a sender of its own name. What is not acknowledged is
+    sent again, as apps do. Formats of LOG: LOG_FORMATS.
+    """
+    from gpszip.cli.summary import print_losses
+    from gpszip.errors import OptionError
+    from gpszip.io.logs.read import read_logs
+    from gpszip.live.replay.play import play, samples_of
+
+    # Refuse what can be refused before the log is read.
+    open_target = _target(target, kind, token)
+    selection = pop_selection(reading)
+    read_result = read_logs(logs, selection=selection, **reading)
+    if not quiet and not settings.json:
+        print_losses(read_result)
+    if kind == "nmea" and len(read_result.tracks) > 1:
+        raise OptionError(
+            f"NMEA has no names, and there are {len(read_result.tracks):,} tracks",
+            remedy="choose one with --track",
+        )
+
+    # Send.
+    samples = samples_of(read_result.tracks)
+    played = play(samples, open_target, speed, connections)
+    _print_result(target, samples, played, settings, quiet=quiet)
+    return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
+
+
+def _target(target: str, kind: str, token: str | None) -> Callable[[], Target]:
+    """Return what opens a connection to the target; refuse one that the messages don't fit."""
+    from gpszip.live.replay.targets import (
+        DatagramTarget,
+        HttpTarget,
+        MqttTarget,
+        StreamTarget,
+        accept_client,
+    )
+
+    # Apps speak HTTP, and OwnTracks MQTT, too.
+    url = urlsplit(target)
+    if kind == "owntracks" and url.scheme in _MQTT_SCHEMES and url.hostname:
+        return lambda: MqttTarget(url)
+    if kind != "nmea":
+        if url.scheme not in _HTTP_SCHEMES or not url.hostname:
+            raise click.UsageError(f"--to {target}: give http://HOST:PORT for {kind}")
+        return lambda: HttpTarget(url, kind, token)
+
+    # Receivers write to sockets and pipes.
+    if target == "-":
+        return lambda: StreamTarget(sys.stdout.buffer)
+    host, port = _host_and_port(url, target)
+    if url.scheme == "udp":
+        return lambda: DatagramTarget(host, port)
+    return lambda: StreamTarget(accept_client(host, port))
+
+
+def _host_and_port(url: SplitResult, target: str) -> tuple[str, int]:
+    try:
+        port = url.port
+    except ValueError:
+        port = None
+    if url.scheme not in _NMEA_SCHEMES or not url.hostname or port is None:
+        raise click.UsageError(f"--to {target}: give udp://HOST:PORT, tcp://HOST:PORT or -")
+    return url.hostname, port
+
+
+def _print_result(
+    target: str, samples: Sequence[Sample], played: Played, settings: Settings, *, quiet: bool
+) -> None:
+    """Say what was sent."""
+    from gpszip.cli.output import print_json, print_status
+    from gpszip.cli.units import format_count, format_duration
+
+    tracks = len({sample.track for sample in samples})
+    if settings.json:
+        facts = {
+            "to": target,
+            "tracks": tracks,
+            "points": played.samples,
+            "messages": played.messages,
+            "repeated": played.repeated,
+            "lag_s": played.lag,
+        }
+        print_json(facts, err=target == "-")
+        return
+    if quiet:
+        return
+    text = (
+        f"{target}: {format_count(played.samples, 'point')} of "
+        f"{format_count(tracks, 'track')} sent in {format_count(played.messages, 'message')}"
+    )
+    text += f"; {played.repeated:,} of them again" if played.repeated else ""
+    text += f"; up to {format_duration(played.lag)} late" if played.lag > 1 else ""
+    print_status(text)

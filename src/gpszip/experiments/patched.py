@@ -1,0 +1,34 @@
+"""Logs with the positions between their samples filled in along roads, as chapter 5.2 has them."""
+
+from __future__ import annotations
+
+from gpszip.matching.patch import patch
+from gpszip.model import Network, Track
+
+__all__ = ["patched"]
+
+
+def patched(track: Track, network: Network, interval: float) -> Track:
+    """Return a track with samples along roads wherever two are farther apart than an interval.
+
+    Where no plausible path explains the time between two samples, none are added.
+
+    Parameters
+    ----------
+    track : Track
+        n samples with times.
+    network : Network
+        Roads on the same plane.
+    interval : float
+        Seconds.
+
+    Examples
+    --------
+    >>> from gpszip.testing import ring
+    >>> log = ring(8, laps=2, samples=8, noise=0.0)
+    >>> sparse = Track("0", log.tracks[0].times[::4], log.tracks[0].positions[::4])
+    >>> len(patched(sparse, log.network, 10.0)) > len(sparse)
+    True
+    """
+    (filled,) = patch(track, network, gap=interval).to_tracks()
+    return Track(filled.id, filled.times, filled.positions, plane=filled.plane)

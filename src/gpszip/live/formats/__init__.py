@@ -1,0 +1,1 @@
+"""Messages of phones, trackers and receivers, turned into fixes: one module for each kind."""

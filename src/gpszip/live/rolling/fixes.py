@@ -1,0 +1,101 @@
+"""The fixes of segments as arrays, sorted by agent and time."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.live.fix import Fix
+from gpszip.live.journal import Tail, read_segment
+
+__all__ = ["AgentFixes", "read_fixes"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class AgentFixes:
+    """The fixes of one agent in the order of time, one for each time.
+
+    Parameters
+    ----------
+    times : float64 array, shape (n,)
+        Seconds, strictly increasing.
+    coordinates : float64 array, shape (n, d)
+        Latitude and longitude in degrees, or x, y[, z] in metres.
+    """
+
+    times: Floats
+    coordinates: Floats
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def take(self, rows: NDArray[np.bool_]) -> AgentFixes:
+        """Return some of the fixes."""
+        return AgentFixes(self.times[rows], self.coordinates[rows])
+
+
+class _Rows:
+    """Fixes of one agent as they are read."""
+
+    def __init__(self) -> None:
+        self._times, self._accuracies, self._coordinates = array("d"), array("d"), array("d")
+        self._dimension = 0
+
+    def add(self, fix: Fix) -> None:
+        """Add a fix; its coordinates beyond those of the first one are left out."""
+        if not self._dimension:
+            self._dimension = len(fix.position)
+        missing = self._dimension - len(fix.position)
+        self._times.append(fix.time)
+        self._accuracies.append(np.inf if fix.accuracy is None else fix.accuracy)
+        self._coordinates.extend((*fix.position, *[0.0] * missing)[: self._dimension])
+
+    def sorted(self) -> AgentFixes:
+        """Return the fixes in order, of those at one time the most accurate, or else the first."""
+        times = np.frombuffer(self._times)
+        order = np.lexsort([np.arange(len(times)), np.frombuffer(self._accuracies), times])
+        coordinates = np.frombuffer(self._coordinates).reshape(-1, self._dimension)
+        times = times[order]
+        is_first = np.append(True, np.diff(times) > 0)
+        return AgentFixes(times[is_first], coordinates[order][is_first])
+
+
+def read_fixes(paths: Sequence[Path], tail: Tail) -> tuple[dict[str, AgentFixes], bool]:
+    """Read segments.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        The segments.
+    tail : Tail
+        Takes how many records are damaged.
+
+    Returns
+    -------
+    dict of str to AgentFixes
+        The fixes by agent, in the order of their names.
+    bool
+        Whether positions are in degrees.
+    """
+    rows: dict[str, _Rows] = {}
+    geographic = True
+    for fix in _read_all(paths, tail):
+        if fix.agent not in rows:
+            rows[fix.agent] = _Rows()
+        rows[fix.agent].add(fix)
+        geographic = fix.geographic
+    return {agent: rows[agent].sorted() for agent in sorted(rows)}, geographic
+
+
+def _read_all(paths: Sequence[Path], tail: Tail) -> Iterable[Fix]:
+    for path in paths:
+        own = Tail()
+        yield from read_segment(path, own)
+        tail.damaged += own.damaged

@@ -1,0 +1,1 @@
+"""Sources of fixes, one module for each."""

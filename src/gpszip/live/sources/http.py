@@ -1,0 +1,409 @@
+"""A server for phones and trackers: each app gets the answer after which it drops its queue.
+
+An app keeps what it sent, and sends it again, unless it gets the answer that it expects. So what
+can't be used gets that answer, too, and is counted. Only what could not be stored is an error of
+the server (503).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import contextlib
+import hmac
+import socket
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, tzinfo
+from typing import TYPE_CHECKING, Any
+from urllib.parse import parse_qsl
+
+from gpszip.errors import MissingExtraError, OptionError, OutputError
+from gpszip.live.fix import Fix, Unusable
+from gpszip.live.formats.apps import App, app_of, parse_message
+from gpszip.live.formats.owntracks import agent_of_topic
+from gpszip.live.formats.query import parse_query
+from gpszip.live.formats.text import TextParser
+from gpszip.live.formats.values import Context, MessageError, clean_name, parse_json
+from gpszip.live.notices import Notices
+from gpszip.live.source import Receiver
+
+if TYPE_CHECKING:
+    from starlette.requests import Request
+    from starlette.responses import Response
+
+__all__ = ["HttpSource"]
+
+#: Bytes of a body; a batch of Overland has 600 kB at most.
+_MAX_BODY_BYTES = 2 << 20
+
+#: Bytes of a query.
+_MAX_QUERY_BYTES = 8_192
+
+#: Fields of a query or form.
+_MAX_FIELDS = 200
+
+#: Bytes from which a body is large, and how many of these are taken at once: 32 MiB in all.
+_LARGE_BYTES = 1 << 16
+_MAX_LARGE = 16
+
+#: Seconds that a body may take.
+_BODY_SECONDS = 30.0
+
+#: Seconds that the answer to a wrong token takes, so that few can be tried.
+_PAUSE_SECONDS = 0.5
+
+#: Connections at once; more are told to come again.
+_MAX_CONNECTIONS = 2_000
+
+#: Connections that the system keeps until the server takes them.
+_BACKLOG = 1_024
+
+#: The answer after which each app drops what it sent.
+_ANSWERS = {
+    App.OWNTRACKS: ("application/json", b"[]"),
+    App.OVERLAND: ("application/json", b'{"result":"ok"}'),
+    App.TRACCAR: ("application/json", b"{}"),
+    App.OSMAND: ("text/plain", b"OK"),
+    App.GPSLOGGER: ("text/plain", b"OK"),
+}
+
+#: The answer to what is of no app.
+_OTHER_ANSWER = ("application/json", b"[]")
+
+
+@dataclass(frozen=True)
+class _Message:
+    """A request without its transport."""
+
+    path: str
+    query: Mapping[str, str]
+    headers: Mapping[str, str]
+    body: bytes
+    user: str
+
+
+class HttpSource:
+    """Serves the protocols of OwnTracks, Overland, Traccar Client, OsmAnd and GPSLogger.
+
+    Parameters
+    ----------
+    host, port : str and int
+        Where to listen; port 0 takes a free one.
+    notices : Notices
+        Is told of requests that are refused, and gives ``/health`` its counts.
+    token : str, optional
+        What senders have to know: as a bearer token, as the password of basic authentication, or
+        as the field ``token`` of the query.
+    timezone : tzinfo
+        Zone of times without one.
+    health : callable, optional
+        Further facts for ``/health``.
+
+    Raises
+    ------
+    MissingExtraError
+        If starlette or uvicorn is not installed.
+    OptionError
+        If the address can't be used.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        notices: Notices,
+        *,
+        token: str | None = None,
+        timezone: tzinfo = UTC,
+        health: Callable[[], Mapping[str, Any]] | None = None,
+    ) -> None:
+        _require_packages()
+        self._notices, self._token, self._timezone = notices, token, timezone
+        self._health = health or dict
+        self._large = asyncio.Semaphore(_MAX_LARGE)
+        self._socket = _bind(host, port)
+        bound = self._socket.getsockname()
+        self.address = f"[{bound[0]}]:{bound[1]}" if ":" in bound[0] else f"{bound[0]}:{bound[1]}"
+
+    async def run(self, receiver: Receiver) -> None:
+        """Serve until the task is cancelled; then finish the requests that were taken."""
+        import uvicorn
+        from starlette.applications import Starlette
+        from starlette.routing import Route
+
+        # One function takes all paths.
+        async def answer(request: Request) -> Response:
+            return await self._answer(request, receiver)
+
+        methods = ["GET", "POST", "PUT"]
+        app = Starlette(routes=[Route("/{path:path}", answer, methods=methods)])
+        config = uvicorn.Config(
+            app,
+            log_level="error",
+            access_log=False,
+            lifespan="off",
+            server_header=False,
+            limit_concurrency=_MAX_CONNECTIONS,
+            h11_max_incomplete_event_size=2 * _MAX_QUERY_BYTES,
+            timeout_graceful_shutdown=5,
+        )
+
+        # The server must leave signals to the program that it is a part of.
+        server = _server_class()(config)
+        serving = asyncio.create_task(server.serve(sockets=[self._socket]))
+        try:
+            await asyncio.shield(serving)
+        except asyncio.CancelledError:
+            server.should_exit = True
+            await serving
+            raise
+        finally:
+            self._socket.close()
+
+    async def _answer(self, request: Request, receiver: Receiver) -> Response:
+        """Answer a request."""
+        from starlette.responses import JSONResponse, PlainTextResponse
+
+        # Monitors need no token: they see counts only.
+        if request.url.path.strip("/") == "health":
+            return JSONResponse(self._report())
+
+        # The token first, then the body.
+        headers = {name.lower(): value for name, value in request.headers.items()}
+        query = _fields(request.url.query)
+        user = self._user(headers, query)
+        if user is None:
+            self._notices.note("requests with a wrong token refused")
+            await asyncio.sleep(_PAUSE_SECONDS)
+            challenge = {"WWW-Authenticate": 'Basic realm="gpszip"'}
+            return PlainTextResponse("wrong token\n", 401, headers=challenge)
+        turn = self._large if _is_large(headers) else contextlib.nullcontext()
+        async with turn:
+            return await self._take(request, query, headers, user, receiver)
+
+    async def _take(
+        self,
+        request: Request,
+        query: Mapping[str, str],
+        headers: Mapping[str, str],
+        user: str,
+        receiver: Receiver,
+    ) -> Response:
+        """Read a body, store what is in it, and answer."""
+        from starlette.requests import ClientDisconnect
+        from starlette.responses import PlainTextResponse, Response
+
+        # The body may be large, slow, or cut off.
+        try:
+            async with asyncio.timeout(_BODY_SECONDS):
+                body = await _read_body(request)
+        except (TimeoutError, ClientDisconnect):
+            self._notices.note("requests that were not sent to their end left out")
+            return PlainTextResponse("the body takes too long\n", 408)
+        if body is None or len(request.url.query) > _MAX_QUERY_BYTES:
+            self._notices.note("requests that are too large refused")
+            return PlainTextResponse(f"at most {_MAX_BODY_BYTES:,} bytes\n", 413)
+
+        # Store, and answer as the app expects.
+        path = request.url.path.strip("/")
+        message = _Message(path, query, headers, body, user)
+        app, items = self._parse(message)
+        try:
+            await receiver.store(items)
+        except OutputError:
+            return PlainTextResponse("not stored; send it again\n", 503)
+        kind, content = _ANSWERS[app] if app is not None else _OTHER_ANSWER
+        return Response(content, media_type=kind)
+
+    def _report(self) -> dict[str, Any]:
+        """What monitors get to know."""
+        report: dict[str, Any] = {"status": "ok", "counts": dict(self._notices.counts)}
+        report.update(self._health())
+        return report
+
+    def _user(self, headers: Mapping[str, str], query: Mapping[str, str]) -> str | None:
+        """Return who is asking, an empty name for anybody; None if the token is wrong."""
+        # Basic authentication names a user, bearer tokens don't.
+        scheme, _, credentials = headers.get("authorization", "").partition(" ")
+        user, given = "", query.get("token", "")
+        if scheme.lower() == "bearer":
+            given = credentials.strip()
+        elif scheme.lower() == "basic":
+            user, given = _basic(credentials)
+        if self._token is None:
+            return user
+        is_right = hmac.compare_digest(given.encode("utf-8", "replace"), self._token.encode())
+        return user if is_right else None
+
+    def _parse(self, message: _Message) -> tuple[App | None, list[Fix | Unusable]]:
+        """Find the app that sent a message, and the fixes in it."""
+        # The path names the app, and the sender behind it: /osmand/ann.
+        name, _, agent = message.path.partition("/")
+        app = next((each for each in App if each.value == name.lower()), None)
+        if app is None and message.path:
+            agent = message.path
+        found: list[Fix | Unusable]
+        try:
+            context = self._context(message, app, agent)
+            app, found = self._parse_content(message, app, context)
+        except MessageError as error:
+            found = [Unusable("", str(error))]
+        return app, found
+
+    def _context(self, message: _Message, app: App | None, agent: str) -> Context:
+        """What is known of the sender: its path, its user, what its headers or query say."""
+        query, headers = message.query, message.headers
+        user = query.get("u") or headers.get("x-limit-u") or message.user
+        device = query.get("d") or headers.get("x-limit-d") or ""
+        named = "/".join(part for part in (user, device) if part)
+        name = clean_name(agent, named) if agent or named else ""
+        source = "http" if app is None else app.value
+        return Context(time.time(), source, name, self._timezone)
+
+    def _parse_content(
+        self, message: _Message, app: App | None, context: Context
+    ) -> tuple[App | None, list[Fix | Unusable]]:
+        """Return the fixes of a message."""
+        body = message.body.strip()
+        is_form = "form-urlencoded" in message.headers.get("content-type", "")
+
+        # JSON tells its app, which counts where the path names another one.
+        if body[:1] in (b"{", b"[") and not is_form:
+            content = parse_json(body)
+            known = app_of(content)
+            by_content = known or app
+            if by_content in (App.OWNTRACKS, App.OVERLAND, App.TRACCAR):
+                assert by_content is not None
+                named = _with_topic(content, context, by_content)
+                return app or known, parse_message(by_content, content, named)
+            return app, [Unusable(context.agent, "messages of unknown apps left out")]
+
+        # Fields of a query or form. Apps that read their answer as JSON send none.
+        fields = dict(message.query)
+        if body and (is_form or b"=" in body.partition(b"\n")[0]):
+            fields.update(_fields(body.decode("utf-8", "replace")))
+        elif body:
+            return app, _parse_table(body, context)
+        fields.pop("token", None)
+        if not fields.keys() - {"u", "d"}:
+            return app, [Unusable(context.agent, "empty messages left out")]
+        by_query = app if app in (App.OSMAND, App.GPSLOGGER) else App.OSMAND
+        return app or by_query, parse_query(fields, replace(context, source=by_query.value))
+
+
+def _with_topic(content: Any, context: Context, app: App) -> Context:
+    """Return the context of a message of OwnTracks whose topic names its sender.
+
+    The path and the user come first, as anybody can write a topic; but the topic tells the devices
+    of a user apart.
+    """
+    topic = content.get("topic") if isinstance(content, Mapping) else None
+    if app is not App.OWNTRACKS or not isinstance(topic, str):
+        return replace(context, source=app.value)
+    named = agent_of_topic(topic)
+    is_device = not context.agent or named.startswith(f"{context.agent}/")
+    name = clean_name(named, context.agent) if is_device else context.agent
+    return replace(context, source=app.value, agent=name)
+
+
+def _parse_table(body: bytes, context: Context) -> list[Fix | Unusable]:
+    """Return the fixes of a table or log: GPSLogger sends its file of the day again and again."""
+    from gpszip.errors import InputError
+
+    parser = TextParser(context.agent)
+    found: list[Fix | Unusable] = []
+    try:
+        for line in body.splitlines():
+            found += parser.push(line, context)
+        found += parser.finish(context)
+    except (InputError, OptionError):
+        return [Unusable(context.agent, "messages of unknown apps left out")]
+    return found
+
+
+def _fields(text: str) -> dict[str, str]:
+    """Return the fields of a query, the first of each name, with names in small letters."""
+    try:
+        pairs = parse_qsl(text, keep_blank_values=True, max_num_fields=_MAX_FIELDS)
+    except ValueError:
+        return {}
+    return {name.lower(): value for name, value in reversed(pairs)}
+
+
+def _basic(credentials: str) -> tuple[str, str]:
+    """User and password of basic authentication; empty ones where they can't be read."""
+    try:
+        text = base64.b64decode(credentials.strip(), validate=True).decode("utf-8")
+    except ValueError:
+        return "", ""
+    user, _, password = text.partition(":")
+    return user, password
+
+
+def _is_large(headers: Mapping[str, str]) -> bool:
+    """Whether a body may be large: it says so, or does not say how large it is."""
+    declared = headers.get("content-length", "")
+    return "transfer-encoding" in headers or (
+        declared.isdecimal() and int(declared[:20]) > _LARGE_BYTES
+    )
+
+
+async def _read_body(request: Request) -> bytes | None:
+    """Return the body; None if it is too large."""
+    declared = request.headers.get("content-length", "0")
+    if declared.isdecimal() and int(declared[:20]) > _MAX_BODY_BYTES:
+        return None
+    chunks, size = [], 0
+    async for chunk in request.stream():
+        size += len(chunk)
+        if size > _MAX_BODY_BYTES:
+            return None
+        chunks.append(chunk)
+    return b"".join(chunks)
+
+
+def _bind(host: str, port: int) -> socket.socket:
+    """Return a socket that listens."""
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        bound = socket.socket(family, socket.SOCK_STREAM)
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    except OSError as error:
+        raise _address_error(host, port, error) from error
+    try:
+        bound.bind((host, port))
+        bound.listen(_BACKLOG)
+    except OSError as error:
+        bound.close()
+        raise _address_error(host, port, error) from error
+    return bound
+
+
+def _address_error(host: str, port: int, error: OSError) -> OptionError:
+    return OptionError(
+        f"can't listen at {host}:{port}: {error.strerror or error}",
+        remedy="name another address or port with --http",
+    )
+
+
+def _require_packages() -> None:
+    try:
+        import starlette
+        import uvicorn
+    except ImportError:
+        raise MissingExtraError("live", "--http") from None
+    del starlette, uvicorn
+
+
+def _server_class() -> Any:
+    """A server that leaves signals alone."""
+    import uvicorn
+
+    class Server(uvicorn.Server):
+        @contextlib.contextmanager
+        def capture_signals(self) -> Iterator[None]:
+            yield
+
+    return Server

@@ -1,0 +1,243 @@
+"""The server, in a process of its own, with the bodies that apps send."""
+
+import base64
+import json
+import random
+import socket
+import time
+from importlib.util import find_spec
+from urllib.parse import quote
+
+import pytest
+
+from live import bodies
+from live.running import kill_when, listening, request, stored
+
+pytestmark = pytest.mark.skipif(
+    find_spec("starlette") is None or find_spec("uvicorn") is None, reason="needs gpszip[live]"
+)
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    """A listener without a token, its journal, and names that no other test has."""
+    folder = tmp_path_factory.mktemp("server")
+    with listening(folder, "--http", "127.0.0.1:0") as listener:
+        yield listener, folder, iter(range(10_000))
+
+
+@pytest.fixture
+def send(server):
+    """Send a body as a new agent; return the answer and what was stored for that agent."""
+    listener, folder, numbers = server
+
+    def call(path, body=None, **headers):
+        agent = f"agent{next(numbers)}"
+        path = path.replace("AGENT", agent)
+        if isinstance(body, dict | list):
+            body = json.dumps(body)
+            headers.setdefault("content_type", "application/json")
+        if isinstance(body, str):
+            body = body.replace('"ann"', f'"{agent}"').replace("id=ann", f"id={agent}")
+            body = body.replace("owntracks/ann/phone", f"owntracks/{agent}/phone").encode()
+        answer = request(listener.port, path.replace("id=ann", f"id={agent}"), body, **headers)
+        return answer, [fix for fix in stored(folder) if fix.agent.startswith(agent)]
+
+    return call
+
+
+#: Path, body, and the answer after which the app drops its queue.
+APPS = {
+    "owntracks": ("/owntracks", bodies.owntracks(), "[]"),
+    "overland": ("/overland", bodies.overland(), '{"result":"ok"}'),
+    "traccar": ("/traccar", bodies.traccar(), "{}"),
+    "osmand": (f"/osmand?{bodies.OSMAND}", None, "OK"),
+    "gpslogger": (f"/gpslogger?{bodies.GPSLOGGER}", None, "OK"),
+}
+
+
+@pytest.mark.parametrize("app", APPS)
+@pytest.mark.parametrize("is_root", [False, True])
+def test_apps_get_their_answer_once_all_is_stored(send, app, is_root):
+    path, body, expected = APPS[app]
+    (status, text), (fix,) = send(path.replace(f"/{app}", "/") if is_root else path, body)
+    assert (status, text) == (200, expected)
+    assert (fix.time, fix.position, fix.speed) == (bodies.TIME, (bodies.LAT, bodies.LON), 5.0)
+    # At the root, fields of a query are those of OsmAnd's protocol.
+    assert fix.source == ("osmand" if is_root and app == "gpslogger" else app)
+
+
+def test_forms_and_files_are_taken_too(send):
+    form = {"content_type": "application/x-www-form-urlencoded"}
+    (status, _), fixes = send("/osmand", bodies.OSMAND, **form)
+    assert (status, len(fixes)) == (200, 1)
+    # GPSLogger posts the file of the day again and again.
+    (status, text), fixes = send("/gpslogger/AGENT", bodies.GPSLOGGER_FILE * 3)
+    assert (status, text, len(fixes)) == (200, "OK", 1)
+
+
+def test_senders_are_named_by_path_user_headers_and_query(send):
+    body = json.dumps(bodies.owntracks(topic=None))
+    for path, headers in [
+        ("/owntracks/AGENT", {}),
+        ("/AGENT", {}),
+        ("/owntracks?u=AGENT&d=phone", {}),
+    ]:
+        (status, _), fixes = send(path, body, **headers)
+        assert (status, len(fixes)) == (200, 1), path
+    named = {"x_limit_u": "hannah", "x_limit_d": "phone"}
+    send("/owntracks", body, **named)
+    credentials = base64.b64encode(b"basil:secret").decode()
+    send("/owntracks", body, authorization=f"Basic {credentials}")
+
+
+def test_names_of_headers_are_kept(server):
+    _, folder, _ = server
+    assert {"hannah/phone", "basil"} <= {fix.agent for fix in stored(folder)}
+
+
+def test_a_batch_of_overland_is_stored_at_once(send):
+    (status, text), fixes = send("/overland", bodies.overland(50))
+    assert (status, text, len(fixes)) == (200, '{"result":"ok"}', 50)
+    assert request  # sent again, it is left out
+    listener_fixes = {(fix.agent, fix.time) for fix in fixes}
+    assert len(listener_fixes) == 50
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "expected"),
+    [
+        ("/owntracks", b"", "[]"),
+        ("/owntracks", b"{", "[]"),
+        ("/owntracks", b'{"_type":"lwt","tst":1}', "[]"),
+        ("/owntracks/x", json.dumps(bodies.owntracks(lat=None)).encode(), "[]"),
+        ("/owntracks", b"[" * 100_000, "[]"),
+        ("/overland", b'{"locations": 7}', '{"result":"ok"}'),
+        ("/overland", b'{"locations": []}', '{"result":"ok"}'),
+        ("/traccar", b"\xff\xfe", "{}"),
+        ("/osmand?id=x&lat=no&lon=1", None, "OK"),
+        ("/osmand?lat=1&lon=1", None, "OK"),
+        ("/osmand?id=x&lat=0&lon=0&timestamp=1795000000", None, "OK"),
+        ("/gpslogger?" + "&" * 300, None, "OK"),
+        (f"/gpslogger/{quote('a' * 200)}?lat=1&lon=1", None, "OK"),
+        ("/", None, "[]"),
+        ("/favicon.ico", None, "[]"),
+        ("/", b"hello", "[]"),
+        ("/", b"time,lat\n1,2", "[]"),
+    ],
+)
+def test_what_cannot_be_used_gets_the_same_answer(send, server, path, body, expected):
+    before = len(stored(server[1]))
+    assert send(path, body)[0] == (200, expected)
+    assert len(stored(server[1])) == before
+
+
+def test_bodies_and_queries_are_limited(server):
+    listener, _, _ = server
+    assert request(listener.port, "/owntracks", b" " * (2 << 20))[0] == 200
+    assert request(listener.port, "/owntracks", b" " * ((2 << 20) + 1))[0] == 413
+    chunks = iter([b" " * (1 << 20)] * 3)
+    assert request(listener.port, "/owntracks", chunks, transfer_encoding="chunked")[0] == 413
+    assert request(listener.port, "/osmand?id=" + "x" * 9_000)[0] == 413
+    assert request(listener.port, "/osmand", method="DELETE")[0] == 405
+
+
+def test_a_sender_that_goes_away_is_no_fault(server):
+    listener, _, _ = server
+    with socket.create_connection(("127.0.0.1", listener.port)) as connection:
+        connection.sendall(b"POST /owntracks HTTP/1.1\r\nHost: x\r\nContent-Length: 99\r\n\r\n{")
+    assert request(listener.port, "/health")[0] == 200
+
+
+def test_health_and_what_was_told(server):
+    listener, folder, _ = server
+    status, text = request(listener.port, "/health")
+    report = json.loads(text)
+    assert status == 200
+    assert report["status"] == "ok"
+    assert report["counts"]["stored"] == len(stored(folder))
+    assert report["counts"]["repeated fixes left out"] == 2
+    assert report["last_received"] <= time.time()
+    assert any("0,0" in line for line in listener.lines)
+    assert not [line for line in listener.lines if "Traceback" in line], listener.lines
+
+
+def test_tokens(tmp_path):
+    with listening(tmp_path, "--http", "127.0.0.1:0", "--token", "s3cret") as listener:
+        body = bodies.owntracks()
+        right = base64.b64encode(b"ann:s3cret").decode()
+        wrong = base64.b64encode(b"ann:secret").decode()
+        for status, path, headers in [
+            (401, "/owntracks", {}),
+            (401, "/owntracks", {"authorization": f"Basic {wrong}"}),
+            (401, "/owntracks?token=s3cre", {"authorization": "Basic ?"}),
+            (200, "/owntracks", {"authorization": f"Basic {right}"}),
+            (200, "/owntracks", {"authorization": "Bearer s3cret"}),
+            (200, "/owntracks?token=s3cret", {}),
+        ]:
+            assert request(listener.port, path, body, **headers)[0] == status, path
+        # Whoever proved to be somebody is that, whatever the topic says.
+        assert [fix.agent for fix in stored(tmp_path)] == ["ann/phone"]
+        body = bodies.owntracks(topic="owntracks/bob/phone")
+        assert request(listener.port, "/owntracks", body, authorization=f"Basic {right}")[0] == 200
+        assert [fix.agent for fix in stored(tmp_path)] == ["ann/phone", "ann"]
+        assert request(listener.port, "/health")[0] == 200
+        assert listener.end() == 0
+
+
+def test_a_port_that_is_taken_is_an_error(tmp_path, capfd, monkeypatch):
+    from gpszip.cli.main import main
+
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        address = f"127.0.0.1:{other.getsockname()[1]}"
+        code = main(["listen", "--journal", str(tmp_path), "--http", address])
+    assert code == 2
+    assert "can't listen at 127.0.0.1" in capfd.readouterr().err
+
+
+def test_killed_at_any_moment_nothing_acknowledged_is_lost_and_nothing_repeats(tmp_path):
+    rng = random.Random(7)
+    acknowledged, sent = set(), 0
+    for round in range(1, 5):
+        with listening(tmp_path, "--http", "127.0.0.1:0") as listener:
+            port = listener.port
+            killer = kill_when(listener, lambda: sent >= 15 * round, rng.uniform(0, 0.02))  # noqa: B023
+            try:
+                while True:
+                    # An app sends what was not acknowledged again, and goes on then.
+                    body = bodies.overland(3, device_id="ann")
+                    for number, feature in enumerate(body["locations"]):
+                        stamp = bodies.TIME + sent + number
+                        feature["properties"]["timestamp"] = stamp
+                    if request(port, "/overland", body) == (200, '{"result":"ok"}'):
+                        acknowledged |= {bodies.TIME + sent + number for number in range(3)}
+                        sent += 3
+            except OSError:
+                listener.process.wait()
+            killer.join()
+    times = [fix.time for fix in stored(tmp_path)]
+    assert acknowledged <= set(times)
+    assert len(times) == len(set(times))
+    assert sent >= 60
+
+
+def test_a_full_disk_is_an_error_to_the_sender_and_no_end(tmp_path):
+    # A limit on the size of files is a full disk to whoever writes.
+    code = (
+        "import resource, signal, sys\n"
+        "from gpszip.cli.main import main\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (600, 600))\n"
+        f"sys.exit(main(['listen', '--journal', {str(tmp_path)!r}, '--http', '127.0.0.1:0']))\n"
+    )
+    with listening(tmp_path, program=["-c", code]) as listener:
+        big, small = bodies.overland(20), bodies.overland(2)
+        assert request(listener.port, "/overland", big)[0] == 503
+        assert json.loads(request(listener.port, "/health")[1])["status"] != "ok"
+        assert request(listener.port, "/overland", small)[0] == 200
+        assert json.loads(request(listener.port, "/health")[1])["status"] == "ok"
+        assert len(stored(tmp_path)) == 2
+        assert any("not stored" in line for line in listener.lines)
+        assert listener.end() == 0

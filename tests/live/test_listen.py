@@ -1,0 +1,181 @@
+"""The command gpszip listen as a user runs it."""
+
+import contextlib
+import io
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+import gpszip
+from gpszip.cli.main import main
+from gpszip.live.journal import segments
+from live import bodies
+from live.running import kill_when, listening, request, stored
+from live.servers import wait_until
+
+needs_server = pytest.mark.skipif(
+    find_spec("starlette") is None or find_spec("uvicorn") is None, reason="needs gpszip[live]"
+)
+
+
+@pytest.fixture
+def listen(tmp_path, capfd):
+    """Run the command in this process, with a text as standard input."""
+
+    def call(text, *options):
+        read, write = os.pipe()
+        saved = os.dup(0)
+        os.dup2(read, 0)
+        os.close(read)
+        writer = threading.Thread(target=_write, args=(write, text.encode()))
+        writer.start()
+        try:
+            code = main(["listen", "--journal", str(tmp_path / "journal"), *map(str, options)])
+        finally:
+            os.dup2(saved, 0)
+            os.close(saved)
+            writer.join()
+        return code, capfd.readouterr()
+
+    return call
+
+
+def _write(descriptor, data):
+    with io.FileIO(descriptor, "w") as pipe, contextlib.suppress(BrokenPipeError):
+        pipe.write(data)
+
+
+def table(first, count, agent="ann"):
+    rows = [f"{agent},{bodies.TIME + t},{48 + t / 1e4},{11.5}" for t in range(first, first + count)]
+    return "\n".join(["id,time,lat,lon", *rows, ""])
+
+
+def test_standard_input_goes_to_the_journal_and_to_the_archive(listen, tmp_path):
+    archive = tmp_path / "a.gpsz"
+    to_archive = ["--archive", archive, "--max-error", "5m", "--effort", "1"]
+    code, told = listen(table(0, 50) + "ann,x,1,1\n", *to_archive)
+    assert code == 0
+    assert told.out == ""
+    assert "ann: rows without a readable time left out (x)" in told.err
+    assert "50 fixes stored" in told.err
+    assert "a.gpsz: 50 fixes appended; 1 segment of the journal deleted" in told.err
+
+    # Later ones are appended; the summary is JSON where that is asked for.
+    code, told = listen(table(40, 60), *to_archive, "--json")
+    report = json.loads(told.out)
+    assert (code, told.err) == (0, "")
+    assert (report["stored"], report["archived"]["known"]) == (60, 10)
+    found = gpszip.open(archive).position("ann", bodies.TIME + np.arange(100.0))
+    assert np.abs(found[:, 0] - (48 + np.arange(100) / 1e4)).max() < 5.01 / 111_000
+
+
+def test_lines_that_wait_for_others_are_stored_before_the_end(tmp_path):
+    # A receiver that goes on without another sentence for a while.
+    with listening(tmp_path, "--name", "boat", stdin=subprocess.PIPE) as listener:
+        line = "$GPRMC,110640,A,4808.0,N,01134.0,E,9.719,270,181126,,\n"
+        listener.process.stdin.write(line)
+        listener.process.stdin.flush()
+        deadline = time.monotonic() + 60
+        while not stored(tmp_path) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert [(fix.agent, fix.time) for fix in stored(tmp_path)] == [("boat", bodies.TIME)]
+        listener.process.stdin.close()
+        assert listener.end(signal.SIGINT) == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "message"),
+    [
+        (["--roll", "1h"], 2, "--roll needs --archive"),
+        (["--rmse", "5m"], 2, "--rmse needs --archive"),
+        (["--archive", "a.gpsz"], 2, "a new archive needs a bound"),
+        (["--timezone", "Mars"], 2, "no such zone"),
+        (["--http", "host:port"], 2, "give HOST:PORT"),
+        (["--columns", "t,x,y"], 2, "name columns of the header"),
+        (["--archive", "none/a.gpsz", "--rmse", "5m"], 1, "no such folder"),
+    ],
+)
+def test_mistakes_are_told_before_anything_is_opened(listen, tmp_path, options, code, message):
+    found, told = listen("", *options)
+    assert (found, segments(tmp_path / "journal")) == (code, [])
+    assert message in told.err
+
+
+def test_a_table_without_positions_is_an_error(listen):
+    code, told = listen("hello,world\n1,2\n")
+    assert code == 1
+    assert "standard input: " in told.err
+
+
+@needs_server
+def test_killed_while_it_archives_nothing_acknowledged_is_lost(tmp_path):
+    rng = random.Random(3)
+    archive = tmp_path / "a.gpsz"
+    to_archive = ["--archive", archive, "--max-error", "5m", "--effort", "1"]
+    acknowledged = 0
+    for round in range(1, 3):
+        options = ["--http", "127.0.0.1:0", *to_archive, "--roll", "0.3s"]
+        with listening(tmp_path / "journal", *options) as listener:
+            port = listener.port
+            # While a process archives the journal, or soon after.
+            rolling = tmp_path / "journal" / "rolling"
+            killer = kill_when(
+                listener,
+                lambda: acknowledged >= 20 * round and rolling.exists(),  # noqa: B023
+                rng.uniform(0, 0.5),
+            )
+            try:
+                while True:
+                    when = bodies.TIME + acknowledged
+                    place = f"lat={48 + acknowledged / 1e4:.6f}&lon=11.5"
+                    if request(port, f"/osmand?id=ann&{place}&timestamp={when}")[0] == 200:
+                        acknowledged += 1
+                    time.sleep(0.005)
+            except OSError:
+                listener.process.wait()
+            killer.join()
+        if archive.exists():
+            # Whole at every moment.
+            assert gpszip.open(archive.read_bytes()).ids == ("ann",)
+
+    # What is left is archived by hand; a process that archives may outlive its listener.
+    command = ["-m", "gpszip", "listen", "--journal", tmp_path / "journal", *to_archive]
+    deadline = time.monotonic() + 60
+    while segments(tmp_path / "journal") and time.monotonic() < deadline:
+        subprocess.run([sys.executable, *command, "--roll-now"], check=False, capture_output=True)
+    times = np.arange(acknowledged, dtype=float)
+    found = gpszip.open(archive).position("ann", bodies.TIME + times)
+    assert acknowledged >= 40
+    assert np.abs(found[:, 0] - (48 + times / 1e4)).max() < 5.01 / 111_000
+
+
+def test_an_archive_that_fails_is_told_and_the_listener_goes_on(tmp_path):
+    archive = tmp_path / "a.gpsz"
+    options = ["--archive", archive, "--max-error", "5m", "--effort", "1", "--roll", "0.1s"]
+    with listening(tmp_path / "journal", *options, stdin=subprocess.PIPE) as listener:
+        # Metres can't be appended to an archive in degrees.
+        listener.process.stdin.write(table(0, 5))
+        listener.process.stdin.flush()
+        assert wait_until(archive.exists)
+        gpszip.compress(gpszip.Track("a", [0, 1], [[0.0, 0.0], [9.0, 0.0]]), max_error=1).save(
+            archive, force=True
+        )
+        listener.process.stdin.write(table(5, 5).partition("\n")[2])
+        listener.process.stdin.flush()
+        assert wait_until(lambda: any("not archived" in line for line in listener.lines), 15), (
+            listener.lines
+        )
+        assert listener.process.poll() is None
+        listener.process.stdin.close()
+        assert listener.process.wait(60) == 2
+    assert any("the archive in metres" in line for line in listener.lines)
+    assert len(stored(tmp_path / "journal")) == 5
