@@ -88,8 +88,8 @@ def test_lines_that_wait_for_others_are_stored_before_the_end(tmp_path):
         while not stored(tmp_path) and time.monotonic() < deadline:
             time.sleep(0.02)
         assert [(fix.agent, fix.time) for fix in stored(tmp_path)] == [("boat", bodies.TIME)]
-        listener.process.stdin.close()
         assert listener.end(signal.SIGINT) == 0
+        listener.process.stdin.close()
 
 
 @pytest.mark.parametrize(
