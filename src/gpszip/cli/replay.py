@@ -173,6 +173,7 @@ def _print_result(
     from gpszip.cli.output import print_json, print_status
     from gpszip.cli.units import format_count, format_duration
 
+    # For programs.
     tracks = len({sample.track for sample in samples})
     if settings.json:
         facts = {
@@ -185,6 +186,8 @@ def _print_result(
         }
         print_json(facts, err=target == "-")
         return
+
+    # For a person.
     if quiet:
         return
     text = (
