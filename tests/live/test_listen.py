@@ -179,3 +179,14 @@ def test_an_archive_that_fails_is_told_and_the_listener_goes_on(tmp_path):
         assert listener.process.wait(60) == 2
     assert any("the archive in metres" in line for line in listener.lines)
     assert len(stored(tmp_path / "journal")) == 5
+
+
+@pytest.mark.parametrize(
+    ("package", "options"),
+    [("starlette", ["--http", "0"]), ("paho.mqtt.client", ["--mqtt", "mqtt://127.0.0.1"])],
+)
+def test_a_missing_extra_is_named(listen, monkeypatch, package, options):
+    monkeypatch.setitem(sys.modules, package, None)
+    code, told = listen("", *options)
+    assert code == 1
+    assert f"{options[0]} needs the extra 'live': pip install 'gpszip[live]'" in told.err
