@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from http.client import HTTPException
 from importlib.util import find_spec
 
 import numpy as np
@@ -140,7 +141,7 @@ def test_killed_while_it_archives_nothing_acknowledged_is_lost(tmp_path):
                     if request(port, f"/osmand?id=ann&{place}&timestamp={when}")[0] == 200:
                         acknowledged += 1
                     time.sleep(0.005)
-            except OSError:
+            except (OSError, HTTPException):
                 listener.process.wait()
             killer.join()
         if archive.exists():

@@ -5,6 +5,7 @@ import json
 import random
 import socket
 import time
+from http.client import HTTPException
 from importlib.util import find_spec
 from urllib.parse import quote
 
@@ -211,7 +212,7 @@ def test_killed_at_any_moment_nothing_acknowledged_is_lost_and_nothing_repeats(t
                     if request(port, "/overland", body) == (200, '{"result":"ok"}'):
                         acknowledged |= {bodies.TIME + sent + number for number in range(3)}
                         sent += 3
-            except OSError:
+            except (OSError, HTTPException):
                 listener.process.wait()
             killer.join()
     times = [fix.time for fix in stored(tmp_path)]
