@@ -212,6 +212,18 @@ def test_segments_may_end_while_fixes_are_written(tmp_path):
     assert len(segments(tmp_path)) > 2
 
 
+def test_segments_may_be_archived_while_they_are_read(tmp_path):
+    journal = Journal(tmp_path)
+    for known in FIXES[:3]:
+        journal.append([known])
+        journal.rotate()
+    reading = journal.recent()
+    assert next(reading) == FIXES[0]
+    mark_archived(tmp_path, segments(tmp_path)[1])
+    assert list(reading) == [FIXES[2]]
+    journal.close()
+
+
 def test_segments_have_a_size(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "_MAX_SEGMENT_BYTES", 300)
     journal = Journal(tmp_path)
