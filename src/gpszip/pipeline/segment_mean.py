@@ -48,8 +48,8 @@ _MOST_SEGMENTS = 300
 #: Most segments m that are searched at first; the same holds.
 _MOST_DISTINCT = 100
 
-#: Samples above which k and m are searched on a coreset: a search on more takes minutes. A patrol of
-#: 72,273 samples takes 28 s.
+#: Samples above which k and m are searched on a coreset: a search on more takes minutes. One on a
+#: patrol of 72,273 samples takes 28 s.
 _MAX_SEARCHED = 200_000
 
 #: Blocks of that coreset. Of the patrol, it finds k = 35 and m = 7 in 9 s; a search on all finds
