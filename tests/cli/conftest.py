@@ -1,3 +1,4 @@
+import io
 import json
 import subprocess
 import sys
@@ -34,11 +35,13 @@ def gpszip(capfd, tmp_path, monkeypatch):
     """Run the command line in a temporary folder, inside this process.
 
     ``gpszip("compress log.csv -o out.gpsz", "--keep", "a b")``: blanks separate the words of the
-    first argument only.
+    first argument only. ``data`` are bytes of standard input.
     """
     monkeypatch.chdir(tmp_path)
 
-    def call(*arguments):
+    def call(*arguments, data=None):
+        if data is not None:
+            monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(data)))
         capfd.readouterr()
         code = main(_words(arguments))
         out, err = capfd.readouterr()

@@ -64,7 +64,7 @@ SOURCES = {"logs": LOGS, "networks": NETWORKS, "maps": MAPS}
 
 #: A command that needs the format of each table; it writes ``out``.
 COMMANDS = {
-    "logs": ("compress", "walk.toy", "-o", "out", "--rmse", "1m"),
+    "logs": ("compress", "walk.toy", "-o", "out", "--rmse", "1m", "--effort", "1"),
     "networks": ("network", "roads.toy", "-o", "out"),
     "maps": ("map", "two.gpsz", "-o", "out", "--format", "toy"),
 }
@@ -218,10 +218,10 @@ def test_other_packages_are_listed_and_imported_only_where_their_formats_matter(
         assert "imported" not in run(*words).stdout
 
 
-def test_a_format_of_gpszip_is_written_whatever_other_packages_do(install, run, folder):
+def test_a_format_of_gpszip_is_written_whatever_other_packages_do(install, run_here, folder):
     install(maps="import no_such_module\n")
     for words in (("-o", "map.geojson"), ("-o", "map", "--format", "csv")):
-        done = run("map", "two.gpsz", *words)
-        assert done.returncode == 0, done.stderr
+        done = run_here("map", "two.gpsz", *words)
+        assert done.code == 0, done.err
     assert (folder / "map.geojson").exists()
-    assert "see 'gpszip formats'" in run("map", "--help").stdout
+    assert "see 'gpszip formats'" in run_here("map", "--help").out

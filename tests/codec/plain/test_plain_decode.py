@@ -38,7 +38,7 @@ def assert_agrees(data, dimension, tracks, grid=None):
 @pytest.mark.parametrize("modes", range(8))
 @pytest.mark.parametrize("seed", range(12))
 def test_random_walks_are_decoded_as_by_the_compiled_decoder(seed, modes):
-    walks = random_walks(seed, longest=200)
+    walks = random_walks(seed, longest=100)
     if walks.timed or not modes & SORTED_STARTS:
         # expensive steps make an encoder take targets wherever it can
         step_bits = np.full(sum(len(one.nodes) for one in walks.walks), 20.0)
