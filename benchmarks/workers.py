@@ -12,19 +12,24 @@ from __future__ import annotations
 import argparse
 import hashlib
 import time
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from gpszip import testing
+from gpszip.kernels.sums import PrefixSums, track_sums
 from gpszip.model import Options, Track
 from gpszip.pipeline.compress import compress
 from gpszip.pipeline.warm import warm
 from gpszip.run import Processes, Threads
+from gpszip.run.executor import share_value
 from gpszip.segmentation import estep
 from gpszip.segmentation.bottom_up import bottom_up
 from gpszip.segmentation.clustering import ward
+from gpszip.segmentation.kernels.shift import shift_boundaries
 from gpszip.segmentation.mstep import fit_segments
-from gpszip.segmentation.state import EMState, track_sums
+from gpszip.segmentation.state import EMState
 from gpszip.testing.city import drives
 
 #: Classes of executors by the names of engines.
@@ -61,6 +66,42 @@ def time_expectation(points: int, k: int, turns: int) -> None:
         f"EM over k/2 intervals, n = {points}, k = {k}: 1 worker {1000 * best[1]:.0f} ms, "
         f"2 workers {1000 * best[2]:.0f} ms a step, {best[1] / best[2]:.2f} times the speed"
     )
+    time_expectation_on_processes(sums, state, turns)
+
+
+def time_expectation_on_processes(sums: PrefixSums, state: EMState, turns: int) -> None:
+    """Print the time of an expectation step whose windows are sent to two processes.
+
+    They get the sums once; windows and segments go to them with each half of a step.
+    """
+    with Processes(2) as executor, share_value(executor, sums) as shared:
+        times = []
+        for _ in range(turns + 1):
+            start = time.perf_counter()
+            for first in (2, 1):
+                list(shared.map(shift_window, windows(state, first)))
+            times.append(time.perf_counter() - start)
+    print(
+        f"  on processes: {1000 * min(times[1:]):.0f} ms a step, and {times[0]:.1f} s for the "
+        "first, which starts them"
+    )
+
+
+def windows(state: EMState, first: int) -> Iterator[EMState]:
+    """Yield states of 128 intervals each, whose every second boundary is to be shifted."""
+    for low in range(first, len(state.labels), 128):
+        last = low + (min(low + 128, len(state.labels)) - 1 - low) // 2 * 2
+        boundaries, labels = state.boundaries[low - 1 : last + 2], state.labels[low - 1 : last + 1]
+        yield EMState(boundaries.copy(), labels.copy(), state.starts, state.ends)
+
+
+def shift_window(sums: PrefixSums, state: EMState) -> EMState:
+    """Shift every second boundary of a state."""
+    boundaries, labels = state.boundaries.copy(), state.labels.copy()
+    shift_boundaries(
+        sums, boundaries, labels, state.starts, state.ends, 1, len(labels), 2, 1, False
+    )
+    return replace(state, boundaries=boundaries, labels=labels)
 
 
 def time_learning(points: int, rmse: float, engines: list[str], turns: int) -> None:

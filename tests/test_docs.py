@@ -72,3 +72,43 @@ def test_the_picture_of_the_architecture_is_up_to_date(tmp_path):
     subprocess.run([sys.executable, script, tmp_path / "new.svg"], check=True)
     drawn = (ROOT / "docs" / "architecture.svg").read_text()
     assert drawn == (tmp_path / "new.svg").read_text(), "run make docs"
+
+
+#: What the thesis numbers: definitions and the like by section, algorithms, tables and figures.
+NUMBERED = {
+    "definition": ["4.1." + str(i) for i in range(1, 10)] + ["6.2.1", "6.2.8", "6.2.10"],
+    "problem": ["4.2.1", "4.2.2", "4.2.3"],
+    "theorem": ["5.1.1", "6.1.1", "6.2.9", "6.2.11", "6.2.16"],
+    "claim": ["6.2.3", "6.2.5", "6.2.6", "6.2.7", "6.2.14", "6.2.15"],
+    "observation": ["6.2.4", "6.2.13"],
+    "remark": ["6.2.2", "6.2.12", "6.3.1"],
+    "algorithm": [str(i) for i in range(1, 7)],
+    "table": ["8.1", "8.2"],
+    "figure": [
+        *("1-1", "1-2", "1-3", "1-4", "2-1", "3-1", "5-1", "6-1", "6-2", "6-3", "6-4", "6-5"),
+        *(f"8-{i}" for i in range(1, 9)),
+    ],
+}
+
+
+def test_algorithms_have_a_row_for_all_that_the_thesis_numbers():
+    rows = [
+        line.split("|")[1].lower()
+        for line in (ROOT / "docs/algorithms.md").read_text().splitlines()
+        if line.startswith("| ")
+    ]
+    missing = [
+        f"{kind} {number}"
+        for kind, numbers in NUMBERED.items()
+        for number in numbers
+        if not any(kind in row and covers(row, number) for row in rows)
+    ]
+    assert not missing
+
+
+def covers(row, number):
+    """Whether a row names a number, alone or in a range such as ``6.2.5 to 6.2.7``."""
+    if re.search(rf"(?<![\d.-]){re.escape(number)}(?![\d-]|\.\d)", row):
+        return True
+    ranges = re.findall(r"(\d+\.\d+\.)(\d+) to \1(\d+)", row)
+    return any(number in {f"{stem}{i}" for i in range(int(a), int(b) + 1)} for stem, a, b in ranges)

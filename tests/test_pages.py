@@ -43,6 +43,7 @@ PAGES = {
     "docs/notebooks.md": ("monday", "tuesday", "fleet"),
     "docs/qgis.md": ("fleet",),
     "docs/known-maps.md": (),
+    "docs/history.md": ("fleet",),
     "docs/map.md": ("fleet",),
     "docs/coreset.md": (),
     "docs/generators.md": (),
@@ -67,9 +68,10 @@ LOGS = {"patrol": "patrol.csv", "walks": "walks/walk.gpx"}
 #: Files that a page writes itself.
 WRITTEN = {"docs/index.md": "walks.csv"}
 
-#: Parts of commands that are not run: they need another machine, or load all kernels first, which
-#: takes half a minute. tests/cli/test_engines.py runs processes.
-NOT_RUN = ("s3://", "gpszip warm", "--engine processes")
+#: Parts of commands that are not run: they need another machine, load all kernels first, which
+#: takes half a minute, or run until they are told to stop. tests/cli/test_engines.py runs
+#: processes, and tests/live/ listeners.
+NOT_RUN = ("s3://", "gpszip warm", "--engine processes", "gpszip listen")
 
 #: A command in an indented block.
 COMMAND = re.compile(r"^ {4}(gpszip .*?)(?: {2,}#.*)?$", re.MULTILINE)

@@ -28,9 +28,12 @@ if TYPE_CHECKING:
         open_coreset,
         patch,
         read,
+        route,
         save_coreset,
         segment_mean,
         trips,
+        unusual,
+        usage,
     )
     from gpszip.archive import Archive, TrackView
     from gpszip.codec.waypoints import Waypoints
@@ -50,7 +53,15 @@ if TYPE_CHECKING:
         UnknownTrackError,
         WorkerError,
     )
+    from gpszip.history.agents import AgentSpeed
+    from gpszip.history.calendar import Calendar
     from gpszip.history.predictor import Predictor
+    from gpszip.history.routes import PlannedRoute
+    from gpszip.history.transitions import EdgeTransitions, RouteLikelihood
+    from gpszip.history.travel_time import TravelTime
+    from gpszip.history.traversals import Traversals
+    from gpszip.history.usage import Usage
+    from gpszip.mapping.segment_map import SegmentMap, build_walk, make_map
     from gpszip.matching.live import FinalisedPosition, LivePosition
     from gpszip.model import (
         CleanMap,
@@ -70,6 +81,7 @@ if TYPE_CHECKING:
         Report,
         RoadMap,
         SegmentMean,
+        Sketch,
         Track,
         Walk,
     )
@@ -77,14 +89,26 @@ if TYPE_CHECKING:
     from gpszip.model.error_bound import ErrorBound
     from gpszip.model.match import Break, Match, Matching, Piece, Route, Scales
     from gpszip.model.merge_report import Deviation, MergeReport
-    from gpszip.model.prediction import Arrival, LikelyNode, LikelyRoute, NextRoad
+    from gpszip.model.prediction import LikelyNode, LikelyRoute, NextRoad, TripArrival
     from gpszip.model.read_result import Loss, OtherFiles
     from gpszip.model.trips import Place, Stay, Trip, Trips
+    from gpszip.model.unusual import Anomaly, Unusual, UnusualTrip
     from gpszip.pipeline.live import Matcher
+    from gpszip.pipeline.waypoints import expand_waypoints, find_waypoints
     from gpszip.run import Dask, Processes, Serial, Threads
     from gpszip.run.executor import Executor, SharedValue
+    from gpszip.segmentation.two_segment_mean import TwoSegmentMean, two_segment_mean
     from gpszip.sketches.coreset import Coreset, Cost
     from gpszip.sketches.pieces import PiecewiseLinear, polyline
+    from gpszip.sketches.sketch import (
+        best_line,
+        build_sketch,
+        delete_sample,
+        insert_sample,
+        line_cost,
+        line_costs,
+        merge_sketches,
+    )
     from gpszip.sketches.stream import CoresetStream
     from gpszip.view.plot import plot
     from gpszip.view.write import write_page
@@ -92,10 +116,12 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "AgentSpeed",
+    "Anomaly",
     "Archive",
-    "Arrival",
     "BoundError",
     "Break",
+    "Calendar",
     "CleanMap",
     "Coreset",
     "CoresetStream",
@@ -106,6 +132,7 @@ __all__ = [
     "Difference",
     "DirectedEdges",
     "Distances",
+    "EdgeTransitions",
     "ErrorBound",
     "Executor",
     "FarPlace",
@@ -139,6 +166,7 @@ __all__ = [
     "PiecewiseLinear",
     "Place",
     "Plane",
+    "PlannedRoute",
     "Predictor",
     "Processes",
     "Progress",
@@ -148,49 +176,96 @@ __all__ = [
     "Report",
     "RoadMap",
     "Route",
+    "RouteLikelihood",
     "Scales",
+    "SegmentMap",
     "SegmentMean",
     "Serial",
     "SharedValue",
+    "Sketch",
     "Stay",
     "Threads",
     "Track",
     "TrackDifference",
     "TrackError",
     "TrackView",
+    "TravelTime",
+    "Traversals",
     "Trip",
+    "TripArrival",
     "Trips",
+    "TwoSegmentMean",
     "UnknownFormatError",
     "UnknownTrackError",
+    "Unusual",
+    "UnusualTrip",
+    "Usage",
     "Walk",
     "Waypoints",
     "WorkerError",
     "__version__",
     "append",
+    "best_line",
+    "build_sketch",
+    "build_walk",
     "compress",
     "coreset",
     "decompress",
+    "delete_sample",
     "diff",
+    "expand_waypoints",
+    "find_waypoints",
+    "insert_sample",
     "join",
+    "line_cost",
+    "line_costs",
     "log_likelihood",
+    "make_map",
     "markov_model",
     "match",
     "merge",
+    "merge_sketches",
     "open",
     "open_coreset",
     "patch",
     "plot",
     "polyline",
     "read",
+    "route",
     "save_coreset",
     "segment_mean",
     "trips",
+    "two_segment_mean",
+    "unusual",
+    "usage",
     "write_page",
 ]
 
 #: Module of each public name, which is imported when the name is first used: importing gpszip, and
 #: ``gpszip --help``, need none of them.
 _HOMES = {
+    "gpszip.mapping.segment_map": (
+        "SegmentMap",
+        "build_walk",
+        "make_map",
+    ),
+    "gpszip.pipeline.waypoints": (
+        "expand_waypoints",
+        "find_waypoints",
+    ),
+    "gpszip.segmentation.two_segment_mean": (
+        "TwoSegmentMean",
+        "two_segment_mean",
+    ),
+    "gpszip.sketches.sketch": (
+        "best_line",
+        "build_sketch",
+        "delete_sample",
+        "insert_sample",
+        "line_cost",
+        "line_costs",
+        "merge_sketches",
+    ),
     "gpszip.api": (
         "append",
         "compress",
@@ -206,9 +281,12 @@ _HOMES = {
         "open_coreset",
         "patch",
         "read",
+        "route",
         "save_coreset",
         "segment_mean",
         "trips",
+        "unusual",
+        "usage",
     ),
     "gpszip.archive": (
         "Archive",
@@ -231,7 +309,17 @@ _HOMES = {
         "UnknownTrackError",
         "WorkerError",
     ),
+    "gpszip.history.agents": ("AgentSpeed",),
+    "gpszip.history.calendar": ("Calendar",),
     "gpszip.history.predictor": ("Predictor",),
+    "gpszip.history.routes": ("PlannedRoute",),
+    "gpszip.history.transitions": (
+        "EdgeTransitions",
+        "RouteLikelihood",
+    ),
+    "gpszip.history.travel_time": ("TravelTime",),
+    "gpszip.history.traversals": ("Traversals",),
+    "gpszip.history.usage": ("Usage",),
     "gpszip.matching.live": (
         "FinalisedPosition",
         "LivePosition",
@@ -254,6 +342,7 @@ _HOMES = {
         "Report",
         "RoadMap",
         "SegmentMean",
+        "Sketch",
         "Track",
         "Walk",
     ),
@@ -277,10 +366,10 @@ _HOMES = {
         "MergeReport",
     ),
     "gpszip.model.prediction": (
-        "Arrival",
         "LikelyNode",
         "LikelyRoute",
         "NextRoad",
+        "TripArrival",
     ),
     "gpszip.model.read_result": ("Loss", "OtherFiles"),
     "gpszip.model.trips": (
@@ -288,6 +377,11 @@ _HOMES = {
         "Stay",
         "Trip",
         "Trips",
+    ),
+    "gpszip.model.unusual": (
+        "Anomaly",
+        "Unusual",
+        "UnusualTrip",
     ),
     "gpszip.pipeline.live": ("Matcher",),
     "gpszip.run": (

@@ -39,13 +39,17 @@ from gpszip.run.executor import Executor
 
 if TYPE_CHECKING:
     from gpszip.container.contents import Section
+    from gpszip.history.routes import PlannedRoute
+    from gpszip.history.usage import Usage
     from gpszip.io.frames.source import FrameSource
     from gpszip.model.difference import Difference
     from gpszip.model.match import Matching
     from gpszip.model.patching import Patching
     from gpszip.model.trips import Trips
+    from gpszip.model.unusual import Unusual
     from gpszip.pipeline.diff import Side
     from gpszip.sketches.coreset import Coreset
+    from gpszip.sketches.stream import CoresetStream
 
 __all__ = [
     "LogSource",
@@ -64,9 +68,12 @@ __all__ = [
     "open_coreset",
     "patch",
     "read",
+    "route",
     "save_coreset",
     "segment_mean",
     "trips",
+    "unusual",
+    "usage",
 ]
 
 
@@ -110,6 +117,7 @@ def read(
     frame: str | None = None,
     times_file: str | os.PathLike[str] | None = None,
     rate: float | None = None,
+    weight: str | None = None,
 ) -> ReadResult:
     r"""Read tracks from logs: files, or frames of other packages.
 
@@ -165,6 +173,9 @@ def read(
         File with a time in each line, for KITTI's poses, which have none.
     rate : float, optional
         Poses in a second, for KITTI's poses.
+    weight : str, optional
+        Column of the weights of the points, which are above 0; all weigh 1 where left out.
+        :func:`segment_mean` and :func:`coreset` use them.
 
     Returns
     -------
@@ -222,6 +233,7 @@ def read(
         frame=frame,
         times_file=None if times_file is None else os.fspath(times_file),
         rate=rate,
+        weight=weight,
     )
     _warn_of_losses(result)
     return result
@@ -293,8 +305,9 @@ def compress(
         Attributes to keep as curves over time, each within an error at every sample, such as
         ``{"ele": 1.0}``: see :meth:`Archive.curve`.
     heights : bool, default True
-        Keep the heights of GPX, KML, TCX and FIT files within 3 m, as the curve ``ele``, unless a
-        size is given or ``keep`` or ``keep_within`` names heights.
+        Keep the heights of GPX, KML, TCX and FIT files, and the attribute ``ele`` of tracks in
+        degrees, within 3 m as the curve ``ele``, unless a size is given or ``keep`` or
+        ``keep_within`` names heights.
     map : Archive, path or bytes, optional
         Store the tracks as walks on the map of this archive. The map is not stored again, and
         :func:`open` needs it, too. Lines off the map are in :attr:`Archive.off_map_lines`.
@@ -726,15 +739,11 @@ def trips(
     ({(1, 2): 1}, 5000)
     """
     from gpszip.history.values import Settings
-    from gpszip.pipeline.diff import holds_archive
     from gpszip.pipeline.trips import trips_of_archive, trips_of_log
 
-    # A file that begins like an archive.
+    # An archive.
     settings = Settings(min_stay, max_pause, radius)
-    if isinstance(source, str | os.PathLike) and pathlib.Path(source).is_file():
-        with pathlib.Path(source).open("rb") as file:
-            is_archive = holds_archive(file.read(8))
-        source = open_archive(source) if is_archive else source
+    source = _open_if_archive(source)
     if isinstance(source, Archive):
         return trips_of_archive(source, settings, timezone)
 
@@ -748,6 +757,170 @@ def trips(
     read_result = read_logs(_as_names(files), accuracy=True, sort=True)
     _warn_of_losses(read_result)
     return trips_of_log(read_result.tracks, settings, timezone)
+
+
+def usage(
+    source: Archive | Logs,
+    *,
+    by: Sequence[str] = ("hour", "weekday"),
+    timezone: str | None = None,
+) -> Usage:
+    """Count how often, how fast and when the edges of a map are travelled.
+
+    Parameters
+    ----------
+    source : Archive, path, Track, or sequence of Track or path
+        A file is an archive if it begins like one, else a log; a log is compressed on the way. The
+        edges are those of the clean map, in the numbers of ``match(track, archive)``.
+    by : sequence of str, default ("hour", "weekday")
+        Parts of local time by which rows are split: ``hour``, ``weekday`` (0 is Monday),
+        ``month``, ``period``, ``date``. Empty: a row for each edge and direction.
+    timezone : str, optional
+        Time zone of these parts, such as ``Europe/Berlin``. By default that of the place, if the
+        package timezonefinder is there, else UTC.
+
+    Returns
+    -------
+    Usage
+        With columns of numbers, relative speeds of the tracks, and the Markov model of the map.
+
+    Raises
+    ------
+    InputError, CorruptArchiveError
+        If a file can't be read, or nothing moves in it.
+    OptionError
+        If there is no such part or zone, or tracks have no times, which parts need.
+
+    Examples
+    --------
+    >>> from gpszip.testing import ring
+    >>> used = usage(compress(ring(4, laps=6).tracks, max_error=5), by=["hour"])
+    >>> used.columns["traversals"].sum() >= 6
+    np.True_
+    """
+    from gpszip.pipeline.usage import usage as usage_of_archive
+
+    return usage_of_archive(_archive_of(source), by=by, timezone=timezone)
+
+
+def route(
+    source: Archive | Logs,
+    *places: Sequence[float],
+    by: str = "time",
+    depart: str | Times | None = None,
+    alternatives: int = 0,
+    timezone: str | None = None,
+) -> tuple[PlannedRoute, ...]:
+    """Plan a route over the map of an archive, in directions that were travelled.
+
+    Parameters
+    ----------
+    source : Archive, path, Track, or sequence of Track or path
+        As for :func:`usage`.
+    *places : sequence of float
+        Where the route begins, passes and ends, as latitude and longitude, or x and y.
+    by : str, default "time"
+        What the route minimises: ``time``, ``length``, or ``traversals``: metres divided by the
+        traversals of their edge, for the most travelled route.
+    depart : str or time, optional
+        Departure: a time of day such as ``08:00`` on the last day of the log, or a time as for
+        :meth:`Archive.position`. By default means over the day count.
+    alternatives : int, default 0
+        Alternatives to look for, if there are two places.
+    timezone : str, optional
+        As for :func:`usage`.
+
+    Returns
+    -------
+    tuple of PlannedRoute
+        The best one first. With times in the log, each has its seconds and a band of 80 %.
+
+    Raises
+    ------
+    InputError, CorruptArchiveError
+        If a file can't be read, or nothing moves in it.
+    OptionError
+        If a place is far from the map, no route leads there, or times are needed and missing.
+
+    Examples
+    --------
+    >>> from gpszip.testing import ring
+    >>> archive = compress(ring(4, laps=6).tracks, max_error=5)
+    >>> corners = archive.clean_map().points[[0, -1]]
+    >>> planned = route(archive, *corners)[0]
+    >>> planned.length > 0, planned.arrival.low <= planned.arrival.high
+    (True, True)
+    """
+    from gpszip.pipeline.route import plan_route
+
+    plan = plan_route(
+        _archive_of(source),
+        places,
+        by=by,
+        depart=depart,
+        alternatives=alternatives,
+        timezone=timezone,
+    )
+    return plan.routes
+
+
+def unusual(log: Logs, archive: Archive | str | os.PathLike[str]) -> Unusual:
+    """Score how unusual the trips of a log are, given an archive of earlier trips there.
+
+    Scores are bits: each doubles the surprise. They add up what the strangest part of the trip's
+    route takes (rare turns, another way than usual, wrong directions), travel off the map, and
+    paces and stops that one of thousands has. A trip ends with a gap or a stop of five minutes or
+    more.
+
+    Parameters
+    ----------
+    log : Track or path, or sequence of either
+        Tracks with times. Agents are known by their names: those of tracks of the archive.
+    archive : Archive or path
+        What is usual.
+
+    Returns
+    -------
+    Unusual
+        Each trip with its score, reason and unusual parts, and hours at which agents always travel
+        and did not.
+
+    Raises
+    ------
+    InputError, CorruptArchiveError
+        If a file can't be read, the log is elsewhere, or a track has no times.
+
+    Examples
+    --------
+    >>> from gpszip.testing import ring
+    >>> laps = ring(6, laps=9).tracks
+    >>> (trip,) = unusual(laps, compress(laps, max_error=5)).trips
+    >>> trip.score < 10, trip.reason
+    (True, 'nothing unusual')
+    """
+    from gpszip.pipeline.unusual import unusual as unusual_in_archive
+
+    tracks = _read_if_paths(log)
+    tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
+    opened = archive if isinstance(archive, Archive) else open_archive(archive)
+    return unusual_in_archive(tracks, opened)
+
+
+def _archive_of(source: Archive | Logs) -> Archive:
+    """An archive as it is, or one of a log, compressed on the way with little effort."""
+    source = _open_if_archive(source)
+    return source if isinstance(source, Archive) else compress(source, effort=1)
+
+
+def _open_if_archive(source: Archive | Logs) -> Archive | Logs:
+    """Open a file that begins as an archive does; everything else stays as it is."""
+    from gpszip.pipeline.diff import holds_archive
+
+    if isinstance(source, str | os.PathLike) and pathlib.Path(source).is_file():
+        with pathlib.Path(source).open("rb") as file:
+            if holds_archive(file.read(8)):
+                return open_archive(source)
+    return source
 
 
 def join(archives: Sequence[Archive | ArchiveSource]) -> Archive:
@@ -876,13 +1049,14 @@ def patch(
 
 
 def segment_mean(
-    tracks: Sequence[Track] | Track,
+    tracks: Sequence[Track] | Track | Coreset | CoresetStream,
     k: int | tuple[int, int] | None = None,
     m: int | tuple[int, int] | None = None,
     *,
     rmse: float | None = None,
     max_error: float | None = None,
     gap: float = math.inf,
+    coreset: int | None = None,
     memo: str | os.PathLike[str] | None = None,
     executor: Executor | None = None,
     progress: Listener | None = None,
@@ -891,9 +1065,11 @@ def segment_mean(
 
     Parameters
     ----------
-    tracks : Track or sequence of Track
+    tracks : Track, sequence of Track, Coreset or CoresetStream
         n samples in all, on one plane. Parts of all tracks share the segments, and no part goes on
-        from track to track. Weights of samples count.
+        from track to track. Weights of samples count. With a coreset in place of tracks, the cost
+        is its estimate, boundaries count the samples of the log, and an RMSE is held at them by
+        the bounds of the coreset.
     k, m : int or (int, int), optional
         Numbers of parts and of segments, 1 <= m <= k <= n. Of a range, and of those left out, the
         numbers at the elbow of the fitting cost are found (Algorithms 3 and 4).
@@ -902,6 +1078,8 @@ def segment_mean(
         holds them; where both are, few numbers describe the result.
     gap : float, default infinite
         Longer intervals between samples, in seconds, are gaps, which no part crosses.
+    coreset : int, optional
+        Learn from a coreset of the tracks of this many blocks. Bounds are checked at all samples.
     memo : path, optional
         Folder in which a search for the elbow keeps what it has solved.
     executor : Executor, optional
@@ -941,21 +1119,24 @@ def segment_mean(
         rmse=rmse,
         max_error=max_error,
         gap=gap,
+        coreset=coreset,
         memo=None if memo is None else Memo(memo),
         executor=executor,
         progress=progress,
     )
 
 
-def markov_model(mean: SegmentMean, tracks: Sequence[Track] | Track) -> MarkovModel:
+def markov_model(
+    mean: SegmentMean, tracks: Sequence[Track] | Track | Coreset | CoresetStream
+) -> MarkovModel:
     """Return the Markov model of a segment mean: transitions, and the spread of samples.
 
     Parameters
     ----------
     mean : SegmentMean
         Of these tracks.
-    tracks : Track or sequence of Track
-        The tracks.
+    tracks : Track, sequence of Track, Coreset or CoresetStream
+        The tracks, or their coreset.
 
     Examples
     --------
@@ -965,9 +1146,9 @@ def markov_model(mean: SegmentMean, tracks: Sequence[Track] | Track) -> MarkovMo
     >>> model.transitions.tolist(), model.counts.tolist(), model.probabilities.tolist()
     ([[0, 1], [1, 0]], [2, 1], [1.0, 1.0])
     """
-    from gpszip.pipeline.segment_mean import fit_model, join_runs
+    from gpszip.pipeline.segment_mean import as_signal, fit_model
 
-    return fit_model(join_runs(tracks, math.inf), mean)[0]
+    return fit_model(as_signal(tracks, math.inf), mean)[0]
 
 
 def log_likelihood(
@@ -1120,13 +1301,10 @@ def _as_names(sources: Iterable[LogSource]) -> list[str | BinaryIO | FrameSource
 
 def _side_to_compare(source: Archive | Logs, gap: float | None) -> Side:
     """An archive or a log as what is compared; files are opened or read."""
-    from gpszip.pipeline.diff import holds_archive, side_of_archive, side_of_log
+    from gpszip.pipeline.diff import side_of_archive, side_of_log
 
-    # A file that begins like an archive.
-    if isinstance(source, str | os.PathLike) and pathlib.Path(source).is_file():
-        with pathlib.Path(source).open("rb") as file:
-            is_archive = holds_archive(file.read(8))
-        source = open_archive(source) if is_archive else source
+    # An archive.
+    source = _open_if_archive(source)
     if isinstance(source, Archive):
         return side_of_archive(source)
 

@@ -103,7 +103,7 @@ def test_beside_exact_columns(gpszip, ride, tmp_path):
 
 
 def test_info_verify_and_select(gpszip, archive, ride, tmp_path):
-    assert "within 1 at every point" in gpszip("info ride.gpsz").out
+    assert "within 1 m at every point" in gpszip("info ride.gpsz").out
     facts = gpszip("info ride.gpsz --json").json
     assert [(curve["name"], curve["bound"]) for curve in facts["curves"]] == [("ele", 1), ("hr", 2)]
     assert gpszip("verify ride.gpsz").code == 0
@@ -216,6 +216,18 @@ def test_append_goes_on_with_them(gpszip, ride, monkeypatch):
         assert not np.isnan(archives[-1].curve("ride", "ele", times[148:152] + 0.5)).any()
         force_batches(monkeypatch, batch=100, subsample=100)
 
+    # A part that was cut, and the rest of its log: no line is cut.
+    assert gpszip(compress.replace("first", "ride") + " --force").code == 0
+    whole = package.open("a.gpsz")
+    assert gpszip("select a.gpsz -o part.gpsz --until 2024-05-01T10:03:20Z").code == 0
+    done = gpszip("compress ride.gpx -o part.gpsz --append --effort 1 --since 2024-05-01T10:03:20Z")
+    assert done.code == 0, done.err
+    part = package.open("part.gpsz")
+    assert part.curve_sizes["ele"][0] == 1
+    assert np.nanmax(np.abs(part.curve("ride", "ele", times) - ride)) <= 1
+    knots = [len(each._curve_columns["ele"].knots[0]) for each in (whole, part)]
+    assert knots[1] <= knots[0] + 2
+
     # A further column begins with the new log; a smaller bound doesn't hold for the old one.
     Path("a.gpsz").write_bytes(before)
     options = "-o a.gpsz --append --effort 1 --dry-run"
@@ -225,7 +237,7 @@ def test_append_goes_on_with_them(gpszip, ride, monkeypatch):
     done = gpszip("compress second.gpx -o a.gpsz --append --effort 1 --keep hr:2")
     assert done.code == 0, done.err
     pulse = package.open("a.gpsz").curve("ride", "hr", times)
-    assert np.flatnonzero(np.isnan(pulse)).tolist() == list(range(150))
+    assert np.flatnonzero(np.isnan(pulse)).tolist() == list(range(149))
 
 
 def test_columns_exact_here_and_within_an_error_there(gpszip, archive):

@@ -121,12 +121,30 @@ def test_shapes_and_sizes_have_none_and_say_so(gpszip, hike):
     assert package.open("small.gpsz").size <= 90
 
 
+def test_tracks_in_memory_keep_theirs():
+    plane = package.Plane(((520_000_000, 134_000_000),))
+    times = [float(i) for i in range(60)]
+    for positions, attributes, expected in (
+        ([[i, 0.0] for i in times], {"ele": times, "hr": times}, ["ele"]),
+        ([[i, 0.0] for i in times], {"ele": ["high"] * 60}, []),
+    ):
+        track = package.Track("a", times, positions, attributes=attributes, plane=plane)
+        archive = package.compress(track, max_error=1, effort=1)
+        assert list(archive.curve_sizes) == expected
+        track = package.Track("a", times, positions, attributes=attributes)
+        assert not package.compress(track, max_error=1, effort=1).curve_sizes
+
+
 def test_heights_that_cannot_be_kept_stop_nothing(gpszip, tmp_path):
     (tmp_path / "odd.gpx").write_text(_gpx([1e300 if i == 7 else i for i in range(60)]))
     done = gpszip(f"compress odd.gpx -o odd.gpsz {COMPRESS}")
     assert done.code == 0, done.err
     assert "heights are not kept: column 'ele' has values up to 1e+300" in done.err
     assert not package.open("odd.gpsz").curve_sizes
+    (tmp_path / "zero.gpx").write_text(_gpx([0] * 60))
+    done = gpszip(f"compress zero.gpx -o zero.gpsz {COMPRESS}")
+    assert "heights are not kept: all are 0" in done.err
+    assert not package.open("zero.gpsz").curve_sizes
 
 
 def test_append_goes_on_as_the_archive_is(gpszip, hike):

@@ -33,6 +33,7 @@ def files(log, walk_archive, archive, tmp_path):
     header, *rows = log.read_text().splitlines()
     rows = [f"{row},note" for number, row in enumerate(rows) if not 60 <= number < 90]
     rows[3] = "nonsense,1,1,note"
+    assert gpszip("coreset walk.csv -o small.parquet --size 9").code == 0
     (tmp_path / "rough.csv").write_text("\n".join([f"{header},about", *rows, rows[-1]]))
     (tmp_path / "place.csv").write_text("t,lat,lon\n1714557600,48,11\n1714557601,48,11.1\n")
     (tmp_path / "bad.gpx").write_text("<gpx><trk>")
@@ -54,6 +55,7 @@ COMMANDS = [
     "coreset rough.csv -o out.parquet --size 9",
     "coreset walk.csv -o out.csv --size 9 --k 4 --points",
     "segments rough.csv -o out.csv --k 4 --m 2",
+    "segments small.parquet -o out.csv --k 4 --m 2",
     "network roads.geojson -o out.gpsz --metres",
     "match rough.csv --network roads.geojson -o out.geojson",
     "patch rough.csv --network roads.geojson -o out.csv --gap 10s",
@@ -69,6 +71,13 @@ COMMANDS = [
     "diff walk.gpsz two.gpsz",
     "listen --journal journal --stdin",
     "replay place.csv --as nmea --to udp://127.0.0.1:9",
+    "usage walk.gpsz --by none",
+    "route walk.gpsz 1,1 20,1 -o out.geojson",
+    "usage walk.csv --likelihood walk.csv --by hour -o out.csv",
+    "predict walk.gpsz",
+    "predict walk.gpsz walk.csv -o out.csv --edges 2",
+    "unusual walk.csv --map walk.gpsz",
+    "unusual walk.csv --map walk.gpsz -o out.json --stretches",
     "info walk.gpsz",
     "info two.gpsz --detail",
     "verify walk.gpsz",

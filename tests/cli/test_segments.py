@@ -7,6 +7,7 @@ import pytest
 
 import gpszip as package
 from gpszip.geo.planes import choose_plane, to_plane
+from gpszip.segmentation.evaluate import rmse
 
 
 @pytest.fixture
@@ -164,6 +165,8 @@ def test_a_bound_that_k_cannot_hold_has_its_exit_code(log, gpszip):
         {"sigma": 0},
         {"sigma": None},
         {"planes": [[1]]},
+        {"planes": []},
+        {"planes": [[95.0, 0.0]]},
     ],
 )
 def test_damaged_models_are_refused(learned, gpszip, change):
@@ -173,3 +176,111 @@ def test_damaged_models_are_refused(learned, gpszip, change):
     assert done.code == 1
     assert done.err.startswith("gpszip: bad.json: ")
     assert "segments LOG -o FILE.json" in done.err
+
+
+@pytest.fixture
+def four_axes(gpszip):
+    """A log of four coordinates with weights, on a triangle that is travelled twice."""
+    corners = np.array([[0, 0, 0, 0], [50, 0, 5, 9], [50, 40, 0, 3], [0, 0, 0, 0]], dtype=float)
+    along = np.linspace(0, 3, 60, endpoint=False)
+    lap = np.stack([np.interp(along, range(4), axis) for axis in corners.T], axis=1)
+    positions = np.concatenate([lap, lap]).round(3)
+    weights = 1 + np.arange(120) % 3
+    rows = np.column_stack([np.arange(120), positions, weights]).tolist()
+    text = "\n".join(",".join(map(str, row)) for row in rows)
+    Path("four.csv").write_text(f"t,x0,x1,x2,x3,w\n{text}\n")
+    return package.Track("0", np.arange(120.0), positions, weights)
+
+
+def test_weights_and_further_axes_are_used(gpszip, four_axes):
+    done = gpszip("segments four.csv -o four.json --k 5 --m 2 --weight w --json")
+    assert done.code == 0, done.err
+    value = json.loads(Path("four.json").read_text())
+    assert value["coordinates"] == ["x", "y", "z", "x4"]
+    mean = package.segment_mean(four_axes, 5, 2)
+    assert value["cost"] == pytest.approx(mean.cost)
+    assert np.array([row["end"] for row in value["segments"]]) == pytest.approx(mean.ends, abs=1e-4)
+    light = package.Track("0", four_axes.times, four_axes.positions)
+    assert package.segment_mean(light, 5, 2).cost < 0.9 * mean.cost
+    done = gpszip("segments four.csv -o four.geojson --k 5 --m 2")
+    assert "GeoJSON holds up to 3 coordinates" in done.err
+
+
+def test_what_is_written_with_more_axes_is_read_again(gpszip, four_axes):
+    assert gpszip("compress four.csv -o four.gpsz --max-error 1 --effort 1").code == 0
+    assert gpszip("decompress four.gpsz -o back.csv --every 1s").code == 0
+    assert Path("back.csv").read_text().startswith("track_id,t,x,y,z,x4\n")
+    back = package.read("back.csv").tracks[0]
+    assert np.abs(back.positions - four_axes.positions).max() <= 1
+    named = package.read("four.csv", columns="t=t,x0=x3,x1=x1").tracks[0]
+    assert named.positions.tolist() == four_axes.positions[:, [3, 1]].tolist()
+
+
+@pytest.mark.parametrize("weight", ["0", "-1", "nan", "", "heavy"])
+def test_weights_that_are_none_are_refused(gpszip, weight):
+    rows = [f"{t},{t},0,{weight if t == 3 else 2}" for t in range(9)]
+    Path("w.csv").write_text("\n".join(["t,x,y,w", *rows]) + "\n")
+    done = gpszip("segments w.csv -o out.json --k 2 --m 1 --weight w")
+    assert done.code == 1
+    assert "track '0': point 3: column 'w': 1 of 9 weights are not above 0" in done.err
+    assert not Path("out.json").exists()
+
+
+def test_a_weight_is_no_attribute(gpszip, four_axes):
+    track = package.read("four.csv", weight="w", keep=("w",)).tracks[0]
+    assert track.weights.tolist() == four_axes.weights.tolist()
+    assert not track.attributes
+
+
+def test_a_coreset_stands_for_its_log(log, gpszip):
+    assert gpszip("coreset walk.csv -o walk.parquet --size 40").code == 0
+    done = gpszip("segments walk.parquet -o small.json --k 8 --rmse 1m --json")
+    assert done.code == 0, done.err
+    value = json.loads(Path("small.json").read_text())
+    assert (value["points"], value["max_error"]) == (200, None)
+    assert value["cost_bounds"][0] <= value["cost"] <= value["cost_bounds"][1]
+    assert value["rmse"] <= 1
+    track = package.read("walk.csv").tracks[0]
+    parts = value["parts"]
+    boundaries = np.array([part["first"] for part in parts] + [200])
+    labels = np.array([part["segment"] for part in parts], np.int32)
+    starts, ends = (
+        np.array([segment[side] for segment in value["segments"]]) for side in ("start", "end")
+    )
+    mean = package.SegmentMean(boundaries, labels, starts, ends, value["cost"])
+    assert rmse(mean, track) <= 1
+    assert parts[3]["t_start"] == pytest.approx(track.times[parts[3]["first"]])
+
+    done = gpszip("segments walk.parquet -o small.png --k 8 --m 4")
+    assert "RMSE at most" in done.err
+    done = gpszip("segments walk.parquet -o no.json --k 8 --max-error 1m")
+    assert (done.code, "no samples whose maximum" in done.err) == (2, True)
+    done = gpszip("segments walk.parquet -o no.json --given small.json")
+    assert (done.code, "--given takes a log" in done.err) == (2, True)
+
+
+def test_a_long_log_is_learned_from_a_coreset(log, gpszip):
+    done = gpszip(
+        "segments walk.csv -o walk.json --coreset 40 --k 8 --rmse 1m --max-error 3m --json"
+    )
+    assert done.code == 0, done.err
+    assert done.json["rmse"] <= 1
+    assert done.json["max_error"] <= 3
+    assert done.json["least_cost"] <= done.json["cost_bounds"][0]
+
+
+def test_a_single_point_is_a_segment(gpszip):
+    Path("one.csv").write_text("t,x,y\n0,1,2\n")
+    for name in ("one.json", "one.geojson", "one.csv", "one.png"):
+        done = gpszip("segments one.csv --force -o", f"out-{name}")
+        assert done.code == 0, done.err
+    value = json.loads(Path("out-one.json").read_text())
+    assert value["segments"][0]["start"] == value["segments"][0]["end"] == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("given", ["--m 4", "--k 8", "--m 2..5 --k 8"])
+def test_what_is_left_out_is_searched(log, gpszip, given):
+    done = gpszip("segments walk.csv -o out.json --json", *given.split())
+    assert done.code == 0, done.err
+    numbers = {"k": done.json["k"], "m": done.json["m"]}
+    assert f"--k {numbers['k']}" in given or f"--m {numbers['m']}" in given

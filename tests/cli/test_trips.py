@@ -81,6 +81,21 @@ def test_an_archive_needs_no_log(gpszip, phone):
     only = gpszip("trips A.gpsz --json --until 2024-05-07").json
     assert only["trips"] == 2
 
+    # Home and work are left out, the way between them is not.
+    home = np.array([11.5, 11.5 + 4000 / 74_400])
+    for options in ("", "--every 60s", "--bbox 11,48,12,49"):
+        run = gpszip(f"decompress A.gpsz -o shared.csv --blur 300m --force {options}")
+        assert run.code == 0, run.err
+        rows = read((phone.parent / "shared.csv").read_text())
+        lon = np.array([float(row["lon"]) for row in rows])
+        away = np.abs(lon[:, None] - home).min(axis=1) * 74_400
+        assert away.min() > 60
+        assert (away > 1000).any()
+        assert len({row["track_id"] for row in rows}) == 6
+    assert gpszip("decompress A.gpsz -o shared.csv --force --drop-ends 300m").code == 0
+    run = gpszip("decompress A.gpsz -o shared.csv --force --blur 9km")
+    assert run.code == 2 and "--blur leaves nothing" in run.err
+
 
 def test_formats(gpszip, phone):
     for name in ("T.csv", "T.json", "T.parquet", "T.geojson"):

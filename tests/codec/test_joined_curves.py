@@ -30,7 +30,7 @@ def logs(draw):
     return parts
 
 
-@examples(150)
+@examples(80)
 @given(logs())
 def test_the_bound_holds_at_the_samples_of_all_parts(parts):
     fitted = [fit_column([times], [values], bound) for times, values, bound in parts]

@@ -134,6 +134,11 @@ COMMANDS = {
         ["map", "two.gpsz", "-o", "out.geojson", "--force"], _TINY, ("out.geojson",)
     ),
     "gpkg": Command(["map", "two.gpsz", "-o", "out.gpkg", "--force"], _TINY, ("out.gpkg",)),
+    "segments": Command(
+        ["segments", "a.csv", "-o", "out.json", "--k", "4", "--m", "2", "--force"],
+        _LOGS,
+        ("out.json",),
+    ),
     "coreset": Command(
         ["coreset", "a.csv", "-o", "out.parquet", "--size", "9", "--force"], _LOGS, ("out.parquet",)
     ),

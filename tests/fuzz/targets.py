@@ -15,6 +15,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fuzz import mutations
 from fuzz.mutations import Mutation
 from gpszip.errors import GPSZipError
@@ -99,6 +101,19 @@ def _coreset(data: bytes) -> object:
 
     coreset = read_coreset(io.BytesIO(data))
     return coreset.rmse, coreset.eps(3), coreset.reduced(len(coreset.tracks))
+
+
+def _segments(data: bytes) -> object:
+    from gpszip import Track
+    from gpszip.io.segments import read_model
+    from gpszip.segmentation.markov import label_track
+
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+        path = Path(folder) / "model.json"
+        path.write_bytes(data)
+        model = read_model(str(path))
+    track = Track("a", [0.0, 1.0, 2.0], [[0.0] * model.dimension] * 3)
+    return label_track(model, track, np.zeros(1, np.int64)).cost
 
 
 def _times(data: bytes) -> object:
@@ -641,6 +656,28 @@ def _road_parquets() -> Sequence[bytes]:
 
 
 @cache
+def _models() -> Sequence[bytes]:
+    """What gpszip segments writes: a model in degrees, and one in metres."""
+    degrees = [[11.5, 48.1], [11.51, 48.1]]
+    models = [
+        ("[[48.1, 11.5]]", '["lat", "lon"]', [end[::-1] for end in degrees]),
+        ("null", '["x", "y"]', [[0.0, 0.0], [9.5, 1.25]]),
+    ]
+    return [
+        f"""{{"kind": "segment mean", "coordinates": {axes}, "planes": {planes}, "sigma": 0.5,
+"segments": [
+{{"segment": 0, "start": {ends[0]}, "end": {ends[1]}, "parts": 2, "begins": 1}},
+{{"segment": 1, "start": {ends[1]}, "end": {ends[0]}, "parts": 1, "begins": 0}}
+],
+"transitions": [
+{{"from": 0, "to": 1, "count": 1, "probability": 1.0}},
+{{"from": 1, "to": 0, "count": 1, "probability": 1.0}}
+]}}""".encode()
+        for planes, axes, ends in models
+    ]
+
+
+@cache
 def _coresets() -> Sequence[bytes]:
     from gpszip import Track, coreset
     from gpszip.io.coresets import write_coreset
@@ -745,6 +782,8 @@ def _archives() -> Sequence[bytes]:
         two_walks(timed=False),
         compress(track, max_error=0.5),
         compress(track, max_error=0.5, keep=("speed", "note"), layer="bz2"),
+        compress(track, max_error=0.5, keep_within={"speed": 0.5}),
+        compress(track, max_error=0.5, keep_within={"speed": 0.3048}),
     ]
     files = [archive.to_bytes() for archive in archives]
     return [*files, _with_sections(files[0])]
@@ -878,6 +917,50 @@ def _apply_to_archive(seed: bytes, changes: Sequence[Mutation]) -> bytes:
     return archives.large([section for section in sections if len(section) > 8], third=seed[2])
 
 
+def _live_lines(data: bytes) -> object:
+    """Read lines as they come to a listener: CSV, JSON lines, NMEA or messages of apps."""
+    from gpszip.live.formats.text import TextParser
+    from gpszip.live.formats.values import Context
+    from gpszip.live.notices import Notices
+    from gpszip.live.screening import Screen
+
+    parser, context = TextParser("log"), Context(1.8e9, "fuzz")
+    found = [item for line in data.splitlines() for item in parser.push(line, context)]
+    screen = Screen(Notices(str))
+    return [screen.check(item) for item in found if hasattr(item, "position")]
+
+
+def _live_messages() -> list[bytes]:
+    """Messages of apps and of gpsd, one on each line."""
+    from gpszip.live.replay.messages import Sample, app_message
+
+    samples = [Sample("ann", 1.795e9 + t, 48.1 + t / 1e4, 11.5) for t in range(4)]
+    messages = [
+        app_message(app, samples[:1] if app != "overland" else samples).body or b""
+        for app in ("owntracks", "overland", "traccar")
+    ]
+    report = b'{"class":"TPV","device":"a","mode":3,"time":"2026-11-18T11:06:40Z","lat":1,"lon":2}'
+    return [b"\n".join([*messages, report])]
+
+
+def _segment(data: bytes) -> object:
+    """Read a segment of a journal."""
+    from gpszip.live.journal import read_segment
+
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+        path = Path(folder) / "1.log"
+        path.write_bytes(data)
+        return list(read_segment(path))
+
+
+def _segments() -> list[bytes]:
+    from gpszip.live.fix import Fix
+    from gpszip.live.journal import encode_record
+
+    fixes = [Fix("ann", "http", 1.795e9 + t, 1.795e9, (48.1, 11.5)) for t in range(4)]
+    return [b"gpszip journal 1\n" + b"".join(map(encode_record, fixes))]
+
+
 TARGETS = {
     "csv": Target(_log("csv"), _texts(CSV)),
     "csv, kept and cleaned": Target(
@@ -916,6 +999,10 @@ TARGETS = {
     "fit": Target(_log("fit", skip_bad=True, sort=True, keep=("hr",)), _fits, mutations.BINARY),
     "nmea": Target(_log("nmea", keep=("alt", "speed"), sort=True), _texts(NMEA)),
     "nmea, stored": Target(_stored(format="nmea", split=True), _texts(NMEA)),
+    "live lines": Target(_live_lines, _texts(CSV[:1])),
+    "live nmea": Target(_live_lines, _texts(NMEA)),
+    "live messages": Target(_live_lines, _live_messages),
+    "journal": Target(_segment, _segments),
     "owntracks": Target(_log("owntracks", keep=("speed",), sort=True), _texts(OWNTRACKS)),
     "igc": Target(_log("igc", keep=("alt", "fxa"), sort=True), _texts(IGC)),
     "plt": Target(_log("plt", keep=("alt",), sort=True), _texts(PLT)),
@@ -952,6 +1039,7 @@ TARGETS = {
     ),
     "coreset": Target(_coreset, _coresets, mutations.BINARY),
     "coreset, table": Target(_coreset, _coresets, mutations.BINARY, _apply_to_table),
+    "segments": Target(_segments, _models),
     "times": Target(_times, _texts(TIMES)),
     "times in text": Target(_times_in_text, _texts(("10,20.5,2024-05-04T08:00:00Z",))),
     "walks, plain": Target(_plain_walks, _payloads, mutations.BINARY),

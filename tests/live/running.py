@@ -7,9 +7,11 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from contextlib import contextmanager
 
 from gpszip.live.journal import read_segment, segments
+from live.servers import wait_until
 
 
 class Listener:
@@ -55,6 +57,19 @@ class Listener:
         self.process.kill()
         self.process.wait()
         self._reader.join(60)
+
+
+def kill_when(listener, holds, pause):
+    """Kill a listener a moment after something holds; return the thread that does."""
+
+    def kill():
+        wait_until(holds)
+        time.sleep(pause)
+        listener.process.kill()
+
+    thread = threading.Thread(target=kill)
+    thread.start()
+    return thread
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 import errno
 import json
 import os
+import threading
 import zlib
 
 import pytest
@@ -182,6 +183,34 @@ def test_archived_segments_are_deleted_even_after_a_kill(tmp_path):
     journal.close()
     assert [path.name for path in segments(tmp_path)] == ["00000004.log"]
     assert archived_until(tmp_path) == 3
+
+
+def test_a_segment_that_others_may_archive_is_not_the_last(tmp_path):
+    journal = Journal(tmp_path)
+    assert not journal.advance()
+    journal.append(FIXES[:2])
+    for _ in range(3):
+        assert journal.advance()
+        assert len(segments(tmp_path)) == 2
+    journal.append(FIXES[2:])
+    journal.close()
+    assert [list(read_segment(path)) for path in segments(tmp_path)] == [FIXES[:2], FIXES[2:]]
+
+
+def test_segments_may_end_while_fixes_are_written(tmp_path):
+    journal = Journal(tmp_path)
+
+    def write():
+        for number in range(200):
+            journal.append([fix(number)])
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    while writer.is_alive():
+        journal.advance()
+    journal.close()
+    assert stored(tmp_path) == [fix(number) for number in range(200)]
+    assert len(segments(tmp_path)) > 2
 
 
 def test_segments_have_a_size(tmp_path, monkeypatch):

@@ -19,7 +19,8 @@ import gpszip
 from gpszip.cli.main import main
 from gpszip.live.journal import segments
 from live import bodies
-from live.running import listening, request, stored
+from live.running import kill_when, listening, request, stored
+from live.servers import wait_until
 
 needs_server = pytest.mark.skipif(
     find_spec("starlette") is None or find_spec("uvicorn") is None, reason="needs gpszip[live]"
@@ -96,10 +97,11 @@ def test_lines_that_wait_for_others_are_stored_before_the_end(tmp_path):
     [
         (["--roll", "1h"], 2, "--roll needs --archive"),
         (["--rmse", "5m"], 2, "--rmse needs --archive"),
+        (["--archive", "a.gpsz"], 2, "a new archive needs a bound"),
         (["--timezone", "Mars"], 2, "no such zone"),
         (["--http", "host:port"], 2, "give HOST:PORT"),
         (["--columns", "t,x,y"], 2, "name columns of the header"),
-        (["--archive", "none/a.gpsz"], 1, "no such folder"),
+        (["--archive", "none/a.gpsz", "--rmse", "5m"], 1, "no such folder"),
     ],
 )
 def test_mistakes_are_told_before_anything_is_opened(listen, tmp_path, options, code, message):
@@ -120,12 +122,17 @@ def test_killed_while_it_archives_nothing_acknowledged_is_lost(tmp_path):
     archive = tmp_path / "a.gpsz"
     to_archive = ["--archive", archive, "--max-error", "5m", "--effort", "1"]
     acknowledged = 0
-    for _ in range(2):
+    for round in range(1, 3):
         options = ["--http", "127.0.0.1:0", *to_archive, "--roll", "0.3s"]
         with listening(tmp_path / "journal", *options) as listener:
             port = listener.port
-            killer = threading.Timer(rng.uniform(1.0, 2.0), listener.process.kill)
-            killer.start()
+            # While a process archives the journal, or soon after.
+            rolling = tmp_path / "journal" / "rolling"
+            killer = kill_when(
+                listener,
+                lambda: acknowledged >= 20 * round and rolling.exists(),  # noqa: B023
+                rng.uniform(0, 0.5),
+            )
             try:
                 while True:
                     when = bodies.TIME + acknowledged
@@ -147,5 +154,28 @@ def test_killed_while_it_archives_nothing_acknowledged_is_lost(tmp_path):
         subprocess.run([sys.executable, *command, "--roll-now"], check=False, capture_output=True)
     times = np.arange(acknowledged, dtype=float)
     found = gpszip.open(archive).position("ann", bodies.TIME + times)
-    assert acknowledged > 20
+    assert acknowledged >= 40
     assert np.abs(found[:, 0] - (48 + times / 1e4)).max() < 5.01 / 111_000
+
+
+def test_an_archive_that_fails_is_told_and_the_listener_goes_on(tmp_path):
+    archive = tmp_path / "a.gpsz"
+    options = ["--archive", archive, "--max-error", "5m", "--effort", "1", "--roll", "0.1s"]
+    with listening(tmp_path / "journal", *options, stdin=subprocess.PIPE) as listener:
+        # Metres can't be appended to an archive in degrees.
+        listener.process.stdin.write(table(0, 5))
+        listener.process.stdin.flush()
+        assert wait_until(archive.exists)
+        gpszip.compress(gpszip.Track("a", [0, 1], [[0.0, 0.0], [9.0, 0.0]]), max_error=1).save(
+            archive, force=True
+        )
+        listener.process.stdin.write(table(5, 5).partition("\n")[2])
+        listener.process.stdin.flush()
+        assert wait_until(lambda: any("not archived" in line for line in listener.lines), 15), (
+            listener.lines
+        )
+        assert listener.process.poll() is None
+        listener.process.stdin.close()
+        assert listener.process.wait(60) == 2
+    assert any("the archive in metres" in line for line in listener.lines)
+    assert len(stored(tmp_path / "journal")) == 5

@@ -83,7 +83,7 @@ def test_lines_are_told_at_powers_of_ten():
     notices = Notices(lines.append)
     for _ in range(1000):
         notices.note("lost", "bus")
-    notices.note("lost", "tram\x1b", "\x07" + "x" * 99)
+    notices.note("lost", "tram\x1b", "\x07" + "x" * 999)
     assert lines[:4] == ["bus: lost", *(f"bus: lost ({n} by now)" for n in ("10", "100", "1,000"))]
-    assert lines[4] == f"tram\\x1b: lost (\\x07{'x' * 59}...)"
+    assert lines[4] == f"tram\\x1b: lost (\\x07{'x' * 159}...)"
     assert notices.counts == Counter({"lost": 1001})

@@ -16,9 +16,11 @@ def window_moments(times, positions, noise, begin, window, count=20_001):
 
 def still_ranges(times, positions, noise, window, radius):
     """Time ranges covered by windows at fixes whose spread a place explains, and slow steps."""
-    covered = []
+    covered, buckets = [], set()
     for begin in sorted([*times, *(times - window)]):
-        if times[0] <= begin and begin + window <= times[-1]:
+        bucket = begin // (window / 60)
+        if times[0] <= begin and begin + window <= times[-1] and bucket not in buckets:
+            buckets.add(bucket)
             _, variance, error = window_moments(times, positions, noise, begin, window)
             if variance <= (radius / 2) ** 2 + error:
                 covered.append((begin, begin + window))

@@ -263,3 +263,10 @@ def test_searches_for_several_m_ask_together():
     ]
     assert found == alone
     assert {m for _, m in asked[0]} == {1, 3}
+
+
+@pytest.mark.parametrize(("ks", "ms"), [((1, 1), (1, 1)), ((4, 30), (4, 4)), ((9, 9), (2, 9))])
+def test_ranges_may_be_a_single_number(ks, ms):
+    found = find_parameters(rounds(2), ks, ms)
+    assert ks[0] <= found.k <= ks[1]
+    assert ms[0] <= found.m <= ms[1]

@@ -363,7 +363,8 @@ class Archive(ArchiveFrames):
         A track with gaps comes back as its pieces between them, named ``id/0``, ``id/1`` and so on,
         or ``id//0`` and so on where a name is taken; any other keeps its id. Each piece begins at
         its first sample and ends at its last. A track without times comes back as a shape: its
-        ``times`` are distances along it in metres, and its ``timed`` is False.
+        ``times`` are distances along it in metres, and its ``timed`` is False. Columns within an
+        error are attributes; their knots are further points on the lines.
 
         Parameters
         ----------

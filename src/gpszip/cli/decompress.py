@@ -20,7 +20,7 @@ from gpszip.cli.options import (
 )
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.selecting import pop_selection, select_from, selection_options
-from gpszip.cli.units import DURATION
+from gpszip.cli.units import DURATION, LENGTH
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
@@ -59,6 +59,19 @@ __all__ = ["command"]
     help="Write the logs that --lossless kept, byte by byte; several go into the folder -o.",
 )
 @click.option("--log", "log_name", metavar="NAME", help="With --exact: only the log of this name.")
+@click.option(
+    "--blur",
+    type=LENGTH,
+    metavar="LENGTH",
+    help="Leave out what lies within this distance of places where a track stayed, to share the "
+    "rest.",
+)
+@click.option(
+    "--drop-ends",
+    type=LENGTH,
+    metavar="LENGTH",
+    help="Leave out what lies within this distance of where each track begins and ends.",
+)
 @selection_options
 @click.option(
     "--format",
@@ -79,6 +92,8 @@ def command(
     samples: bool,
     exact: bool,
     log_name: str | None,
+    blur: float | None,
+    drop_ends: float | None,
     kind: str | None,
     map_name: str | None,
     force: bool,
@@ -101,8 +116,9 @@ def command(
     # Refuse what can be refused before the archive is read.
     at_times = _find_times_option(every, at, samples)
     selection = pop_selection(selecting)
+    hides = "--blur" if blur is not None else "--drop-ends" if drop_ends is not None else None
     if exact:
-        _check_exact_options(at_times, selection, kind)
+        _check_exact_options(at_times, selection, kind, hides)
         return _write_exact(settings, archive, target, log_name, force=force)
     if log_name is not None:
         raise OptionError("--log names a log that is kept exactly", remedy="add --exact")
@@ -123,11 +139,13 @@ def command(
             tracks, pieces = source.sample(every, at=times), source.pieces
         else:
             tracks, pieces = _read_knots(source, selection)
+        if hides is not None:
+            tracks, pieces = _hide(whole, tracks, pieces, blur, drop_ends, sampled=bool(at_times))
         error = writing_error(source.error_bound, geographic=source.grid.plane is not None)
         if not selection.tracks and (every is not None or times is not None):
             untimed = source.untimed
     if not tracks:
-        raise OptionError(_explain_empty(archive))
+        raise OptionError(_explain_empty(archive, hides))
 
     # Write.
     # Between knots a track is straight on the plane, and a reader of the file takes it as straight
@@ -158,7 +176,9 @@ def command(
     return Outcome.DONE
 
 
-def _check_exact_options(at_times: str | None, selection: Selection, kind: str | None) -> None:
+def _check_exact_options(
+    at_times: str | None, selection: Selection, kind: str | None, hides: str | None
+) -> None:
     """Refuse options that choose or change points."""
     from gpszip.errors import OptionError
 
@@ -168,6 +188,7 @@ def _check_exact_options(at_times: str | None, selection: Selection, kind: str |
         "--since or --until": selection.has_times,
         "--bbox": selection.bbox is not None,
         "--format": kind is not None,
+        hides: hides is not None,
     }
     for option, is_given in options.items():
         if is_given:
@@ -258,7 +279,44 @@ def _format_warnings(
     return log_format.describe_losses(list(names), list(tracks[0].attributes))
 
 
-def _explain_empty(archive: str) -> str:
+def _hide(
+    archive: Archive,
+    tracks: Sequence[Track],
+    pieces: Mapping[str, str] | None,
+    blur: float | None,
+    drop_ends: float | None,
+    *,
+    sampled: bool,
+) -> tuple[list[Track], dict[str, str]]:
+    """Leave out places where a track of the archive stayed, and the ends of tracks."""
+    import numpy as np
+
+    from gpszip.history.hide import hide_places
+    from gpszip.pipeline.trips import places_of_archive
+
+    # Circles differ in each run: whoever knew how they are drawn could compute what they hide.
+    places = np.zeros((0, archive.grid.dimension))
+    if blur is not None and archive.timed:
+        places = places_of_archive(archive)
+    left, owners = hide_places(
+        tracks,
+        pieces or {},
+        places,
+        np.random.default_rng(),
+        radius=blur,
+        ends=drop_ends,
+        sampled=sampled,
+    )
+    if sampled:
+        return left, owners
+    return [
+        piece for part in left for piece in archive.with_curves(owners[part.id], [part])
+    ], owners
+
+
+def _explain_empty(archive: str, hides: str | None) -> str:
+    if hides is not None:
+        return f"{archive}: {hides} leaves nothing; give a shorter length"
     return (
         f"{archive}: no travel is known at any of these times; "
         "gpszip info --detail shows the time range"

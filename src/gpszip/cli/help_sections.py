@@ -23,6 +23,7 @@ _SECTIONS = {
         "raw",
         "format",
         "columns",
+        "weight",
         "time_unit",
         "dates",
         "clean",

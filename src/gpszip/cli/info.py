@@ -109,6 +109,8 @@ def _bounds(archive: Archive) -> dict[str, list[float]]:
 
 def _summary_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     """Return label and text of each line for a person."""
+    from gpszip.io.logs.raw import name_heights
+
     # The file.
     layer = f", packed with {facts['layer']}" if facts["layer"] else ""
     rows = [
@@ -130,7 +132,8 @@ def _summary_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     if facts["sampling_s"]:
         rows.append(("sampling", f"about every {facts['sampling_s']:.2g} s"))
     for curve in facts["curves"]:
-        text = f"within {curve['bound']:g} at every point, {curve['bytes']:,} bytes"
+        unit = " m" if name_heights([curve["name"]]) else ""
+        text = f"within {curve['bound']:g}{unit} at every point, {curve['bytes']:,} bytes"
         rows.append((f"column {curve['name']}", text))
     return [*rows, *_kept_rows(facts["kept"], facts["exact_logs"])]
 

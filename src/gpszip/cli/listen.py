@@ -44,6 +44,18 @@ _DEFAULT_NAME = "log"
     help="Serve OwnTracks, Overland, Traccar Client, OsmAnd and GPSLogger; 8085 means "
     "127.0.0.1:8085.",
 )
+@click.option(
+    "--mqtt",
+    metavar="URL",
+    help="Subscribe to OwnTracks at a broker: mqtt://[USER:PASSWORD@]HOST[:PORT][/BASE], mqtts://.",
+)
+@click.option("--gpsd", metavar="HOST:PORT", help="Read the reports of gpsd; port 2947 by default.")
+@click.option(
+    "--nmea",
+    metavar="URL",
+    multiple=True,
+    help="Read NMEA: tcp://HOST:PORT, udp://:PORT, or a file, pipe or serial device; repeatable.",
+)
 @click.option("--stdin", is_flag=True, help="Read standard input; the default without a source.")
 @click.option(
     "--token",
@@ -80,9 +92,7 @@ _DEFAULT_NAME = "log"
     is_flag=True,
     help="Append the journal to the archive, and end; no source is opened.",
 )
-@click.option(
-    "--rmse", type=LENGTH, metavar="LENGTH", help="RMSE of a new archive; by default estimated."
-)
+@click.option("--rmse", type=LENGTH, metavar="LENGTH", help="RMSE of a new archive.")
 @click.option(
     "--max-error",
     type=LENGTH,
@@ -128,7 +138,7 @@ def command(
         # Known fixes first, then sources: whoever connects is answered at once.
         recorder = Recorder(journal, notices)
         tell = _no_line if is_quiet else print_status
-        sources = _open_sources(choices, timezone, notices, recorder, tell)
+        sources = _open_sources(choices | {"folder": folder}, timezone, notices, recorder, tell)
         rolling = _rolling(folder, choices)
         asyncio.run(_listen(sources, journal, recorder, notices, rolling))
     finally:
@@ -169,7 +179,9 @@ def _check_archive(choices: dict[str, Any]) -> str | None:
                 raise click.UsageError(f"{name} needs --archive, the archive to append to")
         return None
     check_output(archive, force=True)
-    open_archives(archive)
+    is_bounded = choices["rmse"] is not None or choices["max_error"] is not None
+    if not open_archives(archive) and not is_bounded:
+        raise click.UsageError(f"{archive}: a new archive needs a bound; add one, as --rmse 5m")
     return archive
 
 
@@ -217,6 +229,18 @@ def _open_sources(
         )
         tell(f"listening at http://{server.address}")
         sources.append(server)
+    if choices["mqtt"]:
+        from gpszip.live.sources.mqtt import MqttSource
+
+        sources.append(MqttSource(choices["mqtt"], choices["folder"], notices))
+    if choices["gpsd"]:
+        from gpszip.live.sources.gpsd import GpsdSource
+
+        sources.append(GpsdSource(*_address(choices["gpsd"], "--gpsd", 2947), name, notices))
+    for address in choices["nmea"]:
+        from gpszip.live.sources.nmea import open_nmea
+
+        sources.append(open_nmea(address, name, notices))
     if choices["stdin"] or not sources:
         from gpszip.io.tables.roles import parse_columns
         from gpszip.live.sources.stdin import StreamSource

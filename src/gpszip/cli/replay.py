@@ -29,8 +29,9 @@ __all__ = ["command"]
 #: Kinds of messages, those of gpszip.live.replay.messages, whose import --help must not wait for.
 _KINDS = ("owntracks", "overland", "traccar", "osmand", "gpslogger", "nmea")
 
-#: Schemes of --to for apps and for NMEA.
+#: Schemes of --to for apps, for OwnTracks, and for NMEA.
 _HTTP_SCHEMES = ("http", "https")
+_MQTT_SCHEMES = ("mqtt", "mqtts")
 _NMEA_SCHEMES = ("tcp", "udp")
 
 
@@ -48,8 +49,8 @@ _NMEA_SCHEMES = ("tcp", "udp")
     "target",
     metavar="URL",
     required=True,
-    help="http://HOST:PORT/PATH; for NMEA udp://HOST:PORT, tcp://HOST:PORT to wait for a client "
-    "there, or - for standard output.",
+    help="http://HOST:PORT/PATH; for OwnTracks mqtt://HOST/BASE, too; for NMEA udp://HOST:PORT, "
+    "tcp://HOST:PORT to wait for a client there, or - for standard output.",
 )
 @click.option(
     "--speed",
@@ -125,12 +126,15 @@ def _target(target: str, kind: str, token: str | None) -> Callable[[], Target]:
     from gpszip.live.replay.targets import (
         DatagramTarget,
         HttpTarget,
+        MqttTarget,
         StreamTarget,
         accept_client,
     )
 
-    # Apps speak HTTP.
+    # Apps speak HTTP, and OwnTracks MQTT, too.
     url = urlsplit(target)
+    if kind == "owntracks" and url.scheme in _MQTT_SCHEMES and url.hostname:
+        return lambda: MqttTarget(url)
     if kind != "nmea":
         if url.scheme not in _HTTP_SCHEMES or not url.hostname:
             raise click.UsageError(f"--to {target}: give http://HOST:PORT for {kind}")

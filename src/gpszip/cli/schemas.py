@@ -208,6 +208,189 @@ _DISTANCES: Fields = {
     "compared": "integer: times that were compared",
 }
 
+#: Edges of a route.
+_ROUTE = _list(
+    _object(
+        {
+            "edge": "integer: edge of the map",
+            "forward": "boolean: whether it is travelled from its start to its end",
+        }
+    ),
+    "edges of the map and directions of travel, in order",
+)
+
+#: Something unusual, for gpszip unusual.
+_ANOMALY: Fields = {
+    "track_id": "string: name of the track",
+    "kind": {
+        "enum": ["route", "wrong direction", "off the map", "slow", "fast", "stop", "absence"],
+        "description": "what is unusual",
+    },
+    "t_start": "number: seconds at which it begins",
+    "t_end": "number: seconds at which it ends",
+    "score": "number: bits; each doubles the surprise",
+    "reason": "string: what is unusual, for people",
+    "position": _list("number", "latitude and longitude, or x and y; empty for an absence"),
+    "edges": _ROUTE,
+}
+
+#: What gpszip unusual says.
+_UNUSUAL: Fields = {
+    "trips": _list(
+        _object(
+            {
+                "track_id": "string: name of the track",
+                "t_start": "number: seconds at which it begins",
+                "t_end": "number: seconds at which it ends",
+                "score": "number: bits; each doubles the surprise",
+                "reason": "string: what is the most unusual of it",
+                "parts": _list(_object(_ANOMALY), "its unusual parts, the most unusual first"),
+            }
+        ),
+        "trips, the most unusual first",
+    ),
+    "absences": _list(_object(_ANOMALY), "hours at which agents always travel, and did not"),
+    "alarm": "number: bits from which a trip counts as unusual",
+    "alarms": "integer: trips with so many bits or more",
+    "alarms_per_agent_and_day": "number|null: these for each agent and day with a trip",
+    "delay": "number|null: median seconds from the begin of what is unusual to its end",
+    "read": _object(_READ, "what reading the log lost and repaired"),
+    "output": "string|null: the table",
+}
+
+#: What gpszip predict says.
+_PREDICT: Fields = {
+    "tracks": _list(
+        _object(
+            {
+                "track_id": "string: name of the track",
+                "t": "number|null: seconds of its last position",
+                "edge": "integer|null: edge of the map that it travels; null off the map",
+                "forward": "boolean|null: whether it travels it from its start to its end",
+                "next": _list(
+                    _object(
+                        {
+                            "edge": "integer: edge of the map",
+                            "forward": "boolean: direction of travel",
+                            "probability": "number: from 0 to 1",
+                        }
+                    ),
+                    "edges that may follow, the likeliest first",
+                ),
+                "routes": _list(
+                    _object({"edges": _ROUTE, "probability": "number: from 0 to 1"}),
+                    "likeliest routes over the next edges",
+                ),
+                "destinations": _list(
+                    _object(
+                        {
+                            "node": "integer: node of the map",
+                            "probability": "number: from 0 to 1",
+                            "position": _list("number", "latitude and longitude, or x and y"),
+                            "arrival": {
+                                "anyOf": [
+                                    _object(
+                                        {
+                                            "seconds": "number: seconds from the last position",
+                                            "low": "number: a tenth arrives earlier",
+                                            "high": "number: a tenth arrives later",
+                                            "metres": "number: length of the way",
+                                            "route": _ROUTE,
+                                        }
+                                    ),
+                                    {"type": "null"},
+                                ],
+                                "description": "null if no way leads there, or without times",
+                            },
+                        }
+                    ),
+                    "where the trip may end, the likeliest first",
+                ),
+            }
+        ),
+        "tracks of the log, or of the archive",
+    ),
+    "read": {
+        "anyOf": [_object(_READ), {"type": "null"}],
+        "description": "what reading the log lost and repaired; null without one",
+    },
+    "output": "string|null: the table",
+}
+
+#: What gpszip usage says.
+_USAGE: Fields = {
+    "edges": "integer: edges of the clean map",
+    "traversals": "integer: traversals of edges",
+    "tracks": "integer: tracks",
+    "length": "number: metres travelled",
+    "dwell": "number: seconds of standing",
+    "rows": "integer: rows of the table",
+    "by": _list("string: a part of local time", "parts by which rows are split"),
+    "timezone": "string|null: time zone of hours; null where times are no dates",
+    "timezone_from": {
+        "enum": ["option", "place", "default", "log"],
+        "description": "who said it; log: hours count from the log's zero",
+    },
+    "repeated": "number: share of the metres on edges that were travelled before",
+    "repeated_by_track": "number: the same, by the same track",
+    "transitions": "integer: transitions from edge to edge",
+    "smoothing": "number: added to the count of each exit of a node",
+    "likelihood": {
+        "anyOf": [
+            _object(
+                {
+                    "log_likelihood": "number: natural logarithm of the probability of the log",
+                    "transitions": "integer: transitions of the log",
+                    "bits_per_transition": "number|null: mean of -log2 of the probabilities",
+                }
+            ),
+            {"type": "null"},
+        ],
+        "description": "of the log of --likelihood",
+    },
+    "agents": _list(
+        _object(
+            {
+                "track": "string: its name",
+                "traversals": "integer: traversals with a speed",
+                "relative_speed": "number: median of its speed over that of all",
+                "cluster": "integer: 0 is slowest; -1 where there are few traversals",
+            }
+        ),
+        "speeds of the tracks relative to each other",
+    ),
+    "read": {
+        "anyOf": [_object(_READ), {"type": "null"}],
+        "description": "what reading a log lost and repaired; null for an archive",
+    },
+    "output": "string|null: the table",
+    "transitions_output": "string|null: the table of transitions",
+}
+
+#: What gpszip route says.
+_PLAN: Fields = {
+    "by": "string: what the routes minimise",
+    "depart": "number|null: departure in seconds, in the log's zero",
+    "timezone": _USAGE["timezone"],
+    "timezone_from": _USAGE["timezone_from"],
+    "routes": _list(
+        _object(
+            {
+                "length": "number: metres",
+                "seconds": "number|null: expected seconds; null without times in the log",
+                "seconds_low": "number|null: 10 % of drives take less",
+                "seconds_high": "number|null: 10 % of drives take more",
+                "traversals": "integer: traversals of its least travelled edge",
+                "edges": _list("integer: an edge", "edges of the clean map"),
+                "forward": _list("boolean: from its start to its end", "directions"),
+            }
+        ),
+        "the best one first",
+    ),
+    "output": "string|null: the routes",
+    "read": _USAGE["read"],
+}
+
 #: What gpszip diff says of one track.
 _TRACK_DIFFERENCE: Fields = {
     "id": "string: the track",
@@ -393,13 +576,18 @@ _SEGMENTS: Fields = {
     "tracks": "integer: tracks",
     "runs": "integer: tracks, and pieces between gaps",
     "gap": "number|null: longer intervals, in seconds, are gaps; null for none",
-    "cost": "number: fitting cost in square metres",
-    "rmse": "number: root mean square error in metres",
-    "max_error": "number: largest error of any sample in metres",
+    "cost": "number: fitting cost in square metres; of a coreset, its estimate",
+    "cost_bounds": {
+        "type": ["array", "null"],
+        "items": {"type": "number"},
+        "description": "bounds on the cost by the coreset; null without one",
+    },
+    "least_cost": "number|null: bound on the cost of any k segments; null without a coreset",
+    "rmse": "number: root mean square error in metres; at most that for a coreset alone",
+    "max_error": "number|null: largest error of any sample in metres; null for a coreset alone",
     "log_likelihood": "number: natural logarithm of the likelihood under the Markov model",
     "log_likelihood_transitions": "number: share of it of the transitions between segments",
     "log_likelihood_samples": "number: share of it of the samples about the segments",
-    **_READ,
 }
 
 _NETWORK: Fields = {
@@ -485,7 +673,7 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "map": ({**_OUTPUT, "edges": "integer: edges that were written"}, {}),
     "plot": ({**_OUTPUT, **_PLOT}, _READ),
     "coreset": ({**_OUTPUT, **_CORESET}, {}),
-    "segments": ({**_OUTPUT, **_SEGMENTS}, {}),
+    "segments": ({**_OUTPUT, **_SEGMENTS}, _READ),
     "network": ({**_OUTPUT, **_NETWORK}, {}),
     "match": ({**_OUTPUT, **_MATCH}, {}),
     "patch": ({**_OUTPUT, **_PATCH}, {}),
@@ -495,6 +683,10 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "join": (_ARCHIVE, {}),
     "select": (_PARTS, {}),
     "split": (_PARTS, {}),
+    "usage": (_USAGE, {}),
+    "route": (_PLAN, {}),
+    "predict": (_PREDICT, {}),
+    "unusual": (_UNUSUAL, {}),
     "diff": (
         {
             "a": "string: the first file",

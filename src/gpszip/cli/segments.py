@@ -28,8 +28,6 @@ from gpszip.cli.selecting import pop_selection, selection_options
 from gpszip.cli.units import DURATION, LENGTH, Quantity
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from gpszip.model import Likelihood, MarkovModel, ReadResult, SegmentMean
     from gpszip.pipeline.segment_mean import Signal
 
@@ -111,11 +109,22 @@ class _Number(click.ParamType):  # type: ignore[type-arg, unused-ignore]
     shell_complete=complete_files(),
 )
 @click.option(
+    "--coreset",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Learn from a coreset of N blocks, for long logs. LOG may be a coreset itself.",
+)
+@click.option(
     "--gap",
     type=_GAP,
     metavar="DURATION",
     help="Longer intervals between points are gaps, which no part crosses; none: no gaps. By "
     "default estimated.",
+)
+@click.option(
+    "--weight",
+    metavar="COLUMN",
+    help="Column of the weights of points, which multiply their squared errors.",
 )
 @click.option("--clean", is_flag=True, help="Drop outliers, as compress does.")
 @time_order_options
@@ -160,18 +169,22 @@ def command(
 
     # Refuse what can be refused before the logs are read.
     learning = {name: choices.pop(name) for name in ("k", "m", "rmse", "max_error", "memo")}
-    given, gap = choices.pop("given"), choices.pop("gap")
+    given, gap, coreset = (choices.pop(name) for name in ("given", "gap", "coreset"))
     engine = [choices.pop(name) for name in ("workers", "engine", "scheduler")]
-    _check_choices(target, learning, given)
+    _check_choices(target, learning, given, coreset)
     check_output(target, force=force, binary=target.endswith(_PICTURES))
     model = None if given is None else _read_model(given)
 
     # Read and segment.
     choices["selection"] = pop_selection(choices)
     with progress_bar(quiet=quiet or settings.json) as listener, open_executor(*engine) as executor:
-        read_result = read_logs(logs, **choices)
-        tracks = read_result.tracks if model is None else _on_plane_of(model, read_result)
-        signal = join_runs(tracks, gap)
+        if _is_coreset(logs):
+            _check_options_of_logs(given, coreset)
+            signal, read_result = _open_coreset(logs[0]), None
+        else:
+            read_result = read_logs(logs, **choices)
+            tracks = read_result.tracks if model is None else _on_plane_of(model, read_result)
+            signal = join_runs(tracks, gap, coreset=coreset)
         if model is None:
             mean = _learn(signal, learning, executor, listener)
         else:
@@ -182,10 +195,35 @@ def command(
     facts = _facts(signal, mean, likelihood)
     _write(target, mean, model, signal, facts)
     _print_result(target, facts, read_result, settings, quiet=quiet)
-    return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
+    return Outcome.DONE if read_result is None or read_result.complete else Outcome.LEFT_OUT
 
 
-def _check_choices(target: str, learning: dict[str, Any], given: str | None) -> None:
+def _is_coreset(logs: tuple[str, ...]) -> bool:
+    """Whether the one log is the coreset of some."""
+    from gpszip.io.coresets import holds_coreset
+
+    return len(logs) == 1 and holds_coreset(logs[0])
+
+
+def _check_options_of_logs(given: str | None, coreset: int | None) -> None:
+    """Refuse options that need the samples of a log."""
+    from gpszip.errors import OptionError
+
+    for name, value in (("--given", given), ("--coreset", coreset)):
+        if value is not None:
+            raise OptionError(f"{name} takes a log, and this is its coreset", remedy="give the log")
+
+
+def _open_coreset(path: str) -> Signal:
+    from gpszip.io.coresets import read_coreset
+    from gpszip.pipeline.segment_mean import signal_of_coreset
+
+    return signal_of_coreset(read_coreset(path))
+
+
+def _check_choices(
+    target: str, learning: dict[str, Any], given: str | None, coreset: int | None
+) -> None:
     """Refuse a format that there is not, and options of learning where nothing is learned."""
     from gpszip.errors import OptionError
     from gpszip.io.segments import segment_format
@@ -196,7 +234,7 @@ def _check_choices(target: str, learning: dict[str, Any], given: str | None) -> 
         require_matplotlib()
     else:
         segment_format(target)
-    named = [name for name, value in learning.items() if value is not None]
+    named = [name for name, value in {**learning, "coreset": coreset}.items() if value is not None]
     if given is not None and named:
         option = named[0].replace("_", "-")
         raise OptionError(
@@ -247,33 +285,33 @@ def _learn(signal: Signal, learning: dict[str, Any], executor: Any, listener: An
 
 def _facts(signal: Signal, mean: SegmentMean, likelihood: Likelihood) -> dict[str, Any]:
     """Return the results for JSON: lengths in metres, costs in square metres."""
-    from gpszip.segmentation.evaluate import distances, rmse
+    # Of a coreset alone, errors are bounds that hold at the samples of the log.
+    least_cost, bounds, max_error = None, None, None
+    if signal.coreset is not None:
+        from gpszip.pipeline.coreset_problem import CoresetProblem
 
+        assert isinstance(signal.problem, CoresetProblem)
+        least_cost = signal.coreset.least_cost(mean.k)
+        cost = signal.problem.cost(mean)
+        bounds = [cost.lower, cost.upper]
+    if signal.tracks:
+        max_error = signal.problem.max_error(mean)
     return {
         "k": mean.k,
         "m": mean.m,
-        "points": len(signal.joined),
-        "tracks": len(signal.tracks),
+        "points": signal.samples,
+        "tracks": len(signal.tracks or signal.problem.begins),
         "runs": len(mean.heads),
         "gap": signal.gap,
         "cost": mean.cost,
-        "rmse": rmse(mean, signal.joined),
-        "max_error": float(distances(mean, signal.joined).max()),
+        "cost_bounds": bounds,
+        "least_cost": least_cost,
+        "rmse": signal.problem.rmse(mean),
+        "max_error": max_error,
         "log_likelihood": likelihood.total,
         "log_likelihood_transitions": likelihood.transitions,
         "log_likelihood_samples": likelihood.samples,
     }
-
-
-def _part_costs(mean: SegmentMean, signal: Signal) -> NDArray[Any]:
-    """Fitting cost of each part in square metres."""
-    import numpy as np
-
-    from gpszip.segmentation.evaluate import distances
-
-    weights = 1.0 if signal.joined.weights is None else signal.joined.weights
-    costs = weights * np.square(distances(mean, signal.joined))
-    return np.add.reduceat(costs, mean.boundaries[:-1])
 
 
 def _write(
@@ -281,9 +319,10 @@ def _write(
 ) -> None:
     """Write the segments, or draw them."""
     from gpszip.io.segments import write_segments
+    from gpszip.pipeline.segment_mean import part_rows
 
     if not target.lower().endswith(_PICTURES):
-        write_segments(target, mean, model, signal.tracks, facts, _part_costs(mean, signal))
+        write_segments(target, mean, model, part_rows(signal, mean), facts)
         return
     import numpy as np
 
@@ -293,7 +332,7 @@ def _write(
 
     parts = np.bincount(mean.labels, minlength=mean.m)
     with style():
-        figure = draw_segment_mean(model, parts, signal.tracks, Layout())
+        figure = draw_segment_mean(model, parts, signal.tracks or [signal.joined], Layout())
     with atomic_write(target) as path:
         save_figure(figure, path, picture_format(target))
 
@@ -301,33 +340,55 @@ def _write(
 def _print_result(
     target: str,
     facts: dict[str, Any],
-    read_result: ReadResult,
+    read_result: ReadResult | None,
     settings: Settings,
     *,
     quiet: bool,
 ) -> None:
     """Say what was found, and what reading the logs lost."""
-    from gpszip.cli.output import print_status
+    from gpszip.cli.output import STDOUT, print_json, print_status
     from gpszip.cli.summary import (
         describe_repairs,
         output_label,
         print_json_result,
         print_losses,
     )
-    from gpszip.cli.units import format_length
     from gpszip.model.text import count_text
 
-    if settings.json:
+    if settings.json and read_result is not None:
         print_json_result(target, facts, read_result, read_result.repairs)
+        return
+    if settings.json:
+        print_json({"output": target, **facts}, err=target == STDOUT)
         return
     if quiet:
         return
-    print_losses(read_result)
+    if read_result is not None:
+        print_losses(read_result)
     points = count_text(facts["points"], "point")
     text = (
-        f"{points} in k = {facts['k']:,} parts on m = {facts['m']:,} segments; RMSE "
-        f"{format_length(facts['rmse'])}, maximum {format_length(facts['max_error'])}; "
-        f"cost {facts['cost']:.4g} m^2; log-likelihood {facts['log_likelihood']:.6g}"
+        f"{points} in k = {facts['k']:,} parts on m = {facts['m']:,} segments; "
+        f"{_describe_errors(facts)}; log-likelihood {facts['log_likelihood']:.6g}"
     )
-    lines = [text, *describe_repairs(read_result.repairs)]
+    lines = [text, *describe_repairs(() if read_result is None else read_result.repairs)]
     print_status(f"{output_label(target)}: {'; '.join(lines)}")
+
+
+def _describe_errors(facts: dict[str, Any]) -> str:
+    """Describe errors and cost; of a coreset, within which bounds they are."""
+    from gpszip.cli.units import format_length
+
+    # Without the samples, errors are bounds.
+    text = f"RMSE {format_length(facts['rmse'])}"
+    if facts["max_error"] is None:
+        text = f"RMSE at most {format_length(facts['rmse'])} at the points of the log"
+    else:
+        text += f", maximum {format_length(facts['max_error'])}"
+    text += f"; cost {facts['cost']:.4g} m^2"
+    if facts["cost_bounds"] is None:
+        return text
+    lower, upper = facts["cost_bounds"]
+    return (
+        f"{text} by the coreset, truly from {lower:.4g} to {upper:.4g}; no {facts['k']:,} segments "
+        f"cost less than {facts['least_cost']:.4g}"
+    )

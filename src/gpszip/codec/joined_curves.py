@@ -22,7 +22,7 @@ _SLACK = 2e-3
 #: Share by which rounding values to another step may make a bound grow.
 _GROWTH = 1e-3
 
-#: Refinements of a step at most, before no grid is found.
+#: Refinements of a step at most, by half, before no grid is found.
 _MAX_REFINEMENTS = 64
 
 #: Relative error of floating-point rounding, generously.

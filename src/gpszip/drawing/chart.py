@@ -29,7 +29,7 @@ _BELOW = 9.0
 _ABOVE = 2.5
 
 
-def chart_figure(layout: Layout, aspect: float) -> tuple[Figure, Axes]:
+def chart_figure(layout: Layout, aspect: float, right: float = _RIGHT) -> tuple[Figure, Axes]:
     """Return a figure with empty axes, and space at their right for labels of the data.
 
     Parameters
@@ -38,9 +38,11 @@ def chart_figure(layout: Layout, aspect: float) -> tuple[Figure, Axes]:
         Width and title of the figure.
     aspect : float
         Height of the figure without its title, relative to its width.
+    right : float, default 17
+        Millimetres at right for the legend; few without one.
     """
     # The legend needs the space at right.
-    right = _RIGHT if layout.legend else _ABOVE
+    right = right if layout.legend else _ABOVE
     above = TITLE_HEIGHT if layout.title else _ABOVE
     width, height = layout.width, layout.width * aspect + above
     figure = new_figure(width, height)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gpszip.drawing.chart import chart_figure
-from gpszip.drawing.style import CYCLE, FigureType, Layout, require_matplotlib, style
+from gpszip.drawing.style import CYCLE, INK, FigureType, Layout, require_matplotlib, style
 
 __all__ = ["Curve", "draw_curves"]
 
@@ -16,6 +16,15 @@ _WIDTH = 120.0
 
 #: Place of the label of the upright axis, relative to the width of the axes.
 _LABEL = -0.09
+
+#: The same where a legend stands beside the axes.
+_NARROW_LABEL = -0.14
+
+#: Millimetres of a legend beside the axes.
+_LEGEND = 42.0
+
+#: Colours and markers of curves, one after the other.
+_COLORS, _MARKERS = (*CYCLE, INK, "#7F7F7F"), "os^vDPX<"
 
 #: Height of charts relative to their width.
 _ASPECT = 0.6
@@ -42,22 +51,32 @@ class Curve:
 
 
 def draw_curves(
-    curves: Sequence[Curve], x_label: str, y_label: str, *, log_x: bool = False, log_y: bool = False
+    curves: Sequence[Curve],
+    x_label: str,
+    y_label: str,
+    *,
+    log_x: bool = False,
+    log_y: bool = False,
+    beside: bool = False,
 ) -> FigureType:
-    """Draw curves on linear or logarithmic axes, with a legend of their names."""
+    """Draw curves on linear or logarithmic axes, with a legend of their names.
+
+    The legend stands within the axes, or beside them where it would cover curves. The first curve
+    is the widest.
+    """
     require_matplotlib()
     with style():
-        # The legend stands within the axes.
-        figure, axes = chart_figure(Layout(_WIDTH, legend=False), _ASPECT)
+        # Curves, whose colours and markers tell them apart.
+        figure, axes = chart_figure(Layout(_WIDTH, legend=beside), _ASPECT, _LEGEND)
         for number, curve in enumerate(curves):
             axes.plot(
                 curve.xs,
                 curve.ys,
-                color=CYCLE[number % len(CYCLE)],
+                color=_COLORS[number % len(_COLORS)],
                 linestyle="--" if curve.dashed else "-",
-                marker="o",
+                marker=_MARKERS[number % len(_MARKERS)] if beside else "o",
                 markersize=3,
-                linewidth=1,
+                linewidth=1.8 if beside and number == 0 else 1,
                 label=curve.name,
             )
 
@@ -73,8 +92,11 @@ def draw_curves(
         # What the axes and curves are.
         axes.set_xlabel(x_label)
         axes.set_ylabel(y_label)
-        axes.yaxis.set_label_coords(_LABEL, 0.5)
-        axes.legend(frameon=False)
+        axes.yaxis.set_label_coords(_LABEL if not beside else _NARROW_LABEL, 0.5)
+        if beside:
+            axes.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        else:
+            axes.legend(frameon=False)
     return figure
 
 

@@ -121,6 +121,16 @@ EXPERIMENTS: tuple[Experiment, ...] = (
         "gpszip.experiments.figure_8_8",
     ),
     Experiment(
+        "peers",
+        "rate against error of GPSZip, simplifiers and coders on the same logs",
+        "gpszip.experiments.compare_peers",
+    ),
+    Experiment(
+        "scaling",
+        "time, memory and bytes over points, k, m, dimensions, workers and graphs",
+        "gpszip.experiments.scaling",
+    ),
+    Experiment(
         "generators",
         "the generated logs over their true maps",
         "gpszip.experiments.generators",

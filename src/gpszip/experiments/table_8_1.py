@@ -10,6 +10,7 @@ import numpy as np
 from gpszip.experiments.archive_pipeline import run_archive
 from gpszip.experiments.comparison import Compared, archive_table, pipeline_table, stages_table
 from gpszip.experiments.experiment import Outcome, Setting, first_samples
+from gpszip.experiments.patched import patched
 from gpszip.experiments.published import TABLE_8_1, Published
 from gpszip.experiments.table import Table
 from gpszip.experiments.thesis_pipeline import run_thesis
@@ -27,8 +28,15 @@ _ROBOT_BLOCKS = 1_000
 #: Blocks of the phone's coreset, for the same reason.
 _PHONE_BLOCKS = 850
 
-#: Samples of the generated taxis.
-_TAXI_POINTS = 4_281
+#: Days of the generated phone, and samples of each generated taxi before they are patched: with the
+#: samples added, both have about as many as the thesis's.
+_PHONE_DAYS, _TAXI_POINTS = 120, 1_600
+
+#: Seconds between two samples above which the phone and the taxis are patched.
+_PHONE_INTERVAL, _TAXI_INTERVAL = 30.0, 15.0
+
+#: Days of the phone, and samples of a taxi, of a quick run.
+_QUICK_DAYS, _QUICK_TAXI = 3, 120
 
 #: Seconds between the track of one taxi and the next, where they are joined to one.
 _BETWEEN_TAXIS = 86_400.0
@@ -40,16 +48,22 @@ class LogKind:
 
     Parameters
     ----------
-    published : Published
-        What the thesis states of its own log.
+    name : str
+        Its name.
     track : Track
         The generated log.
-    coreset : int or None
+    rmse : float
+        Metres that the thesis states.
+    published : Published, optional
+        What the thesis states of its own log; None where it has none of this kind.
+    coreset : int, optional
         Blocks of its coreset.
     """
 
-    published: Published
+    name: str
     track: Track
+    rmse: float
+    published: Published | None
     coreset: int | None = None
 
 
@@ -67,45 +81,64 @@ def run(setting: Setting) -> Outcome:
     # Generated logs, at the RMSE of the thesis.
     compared = [
         _compare(
-            kind.published.log,
+            kind.name,
             first_samples(kind.track, _QUICK) if setting.quick else kind.track,
-            setting.rmse or kind.published.rmse,
+            setting.rmse or kind.rmse,
             None if setting.quick else kind.coreset,
             kind.published,
             quick=setting.quick,
         )
-        for kind in generated_logs(setting.seed)
+        for kind in generated_logs(setting.seed, quick=setting.quick)
     ]
     notes = (
         "The logs of the thesis were never published; rows from here are of generated logs.",
         "k is the smallest, for m = 0.2 k, 0.4 k or 0.7 k, that keeps the RMSE.",
-        "Unlike those of the thesis, logs of phone and taxis are not patched from a road network.",
+        "Phone and taxis are patched along the roads of their towns, to as many samples as the "
+        "thesis's; bzip2 is of the patched log, too.",
     )
     return Outcome(_tables(compared), notes=notes)
 
 
-def generated_logs(seed: int) -> list[LogKind]:
-    """Return the generated logs, in the order of the thesis's table."""
-    # One of each.
-    robot = patrol(seed=seed)
-    flight = quadrotor(seed=seed).tracks[0]
-    phone = person(seed=seed).tracks[0]
-    cars = taxis(4, points=_TAXI_POINTS, seed=seed).tracks
+def generated_logs(seed: int, *, quick: bool = False) -> list[LogKind]:
+    """Return the generated logs, in the order of the thesis's table; the 3-D flight comes after it.
 
-    # Phone and taxi come twice, with a small and with a large error.
-    tracks: list[tuple[Track, int | None]] = [
-        (robot, _ROBOT_BLOCKS),
-        (flight, None),
-        (phone, _PHONE_BLOCKS),
-        (phone, _PHONE_BLOCKS),
-        (cars[0], None),
-        (cars[0], None),
-        (_join(cars), None),
-    ]
-    return [
-        LogKind(published, track, coreset)
-        for published, (track, coreset) in zip(TABLE_8_1, tracks, strict=True)
-    ]
+    Phone and taxi come twice, with a small and with a large error.
+    """
+    # One of each; a flight in three dimensions has no row in the thesis.
+    robot = patrol(seed=seed)
+    flight, high = (quadrotor(seed=seed, dimension=each).tracks[0] for each in (2, 3))
+    phone = _phone(seed, quick=quick)
+    cars = _taxis(seed, quick=quick)
+    tracks = {
+        "robot": (robot, _ROBOT_BLOCKS),
+        "quadrotor": (flight, None),
+        "phone a": (phone, _PHONE_BLOCKS),
+        "phone b": (phone, _PHONE_BLOCKS),
+        "taxi a": (cars[0], None),
+        "taxi b": (cars[0], None),
+        "taxis": (_join(cars), None),
+    }
+
+    # The rows of the thesis.
+    kinds = []
+    for published in TABLE_8_1:
+        track, coreset = tracks[published.log]
+        kinds.append(LogKind(published.log, track, published.rmse, published, coreset))
+    flat = next(kind for kind in kinds if kind.name == "quadrotor")
+    kinds.insert(kinds.index(flat) + 1, LogKind("quadrotor 3-D", high, flat.rmse, None))
+    return kinds
+
+
+def _phone(seed: int, *, quick: bool) -> Track:
+    """Return a phone's log, patched along roads."""
+    log = person(_QUICK_DAYS if quick else _PHONE_DAYS, seed=seed)
+    return patched(log.tracks[0], log.network, _PHONE_INTERVAL)
+
+
+def _taxis(seed: int, *, quick: bool) -> list[Track]:
+    """Return the logs of four taxis, patched along roads."""
+    log = taxis(4, points=_QUICK_TAXI if quick else _TAXI_POINTS, seed=seed)
+    return [patched(track, log.network, _TAXI_INTERVAL) for track in log.tracks]
 
 
 def _join(tracks: Sequence[Track]) -> Track:

@@ -14,7 +14,7 @@ from gpszip.geo.outliers import (
     min_adjacent_speeds,
 )
 
-__all__ = ["DEFAULT_NOISE", "MAX_SPEED", "MIN_NOISE", "Fixes", "choose_fixes"]
+__all__ = ["DEFAULT_NOISE", "MAX_SPEED", "MIN_NOISE", "Fixes", "choose_fixes", "lengths"]
 
 #: Metres per second that no traveller on the ground exceeds: fast trains travel at up to 97 m/s. A
 #: step that is faster is an error of the receiver, or a flight.
@@ -157,7 +157,7 @@ def _is_poor(fixes: Fixes) -> Bools:
 
 def _is_repeated(fixes: Fixes) -> Bools:
     """Whether each fix repeats the position of the one before, up to an impossible step."""
-    steps = np.sqrt((np.diff(fixes.positions, axis=0) ** 2).sum(axis=1))
+    steps = lengths(np.diff(fixes.positions, axis=0))
     same = np.append(False, steps == 0)
     speeds = steps / np.diff(fixes.times)
 
@@ -180,9 +180,9 @@ def _drop_excursions(fixes: Fixes) -> Fixes:
         if len(fixes) < run + 2:
             continue
         times, positions, noise = fixes.times, fixes.positions, fixes.noise
-        skip = _lengths(positions[run + 1 :] - positions[: -run - 1])
+        skip = lengths(positions[run + 1 :] - positions[: -run - 1])
         skip = np.maximum(skip, noise[run + 1 :] + noise[: -run - 1])
-        steps = _lengths(np.diff(positions, axis=0))
+        steps = lengths(np.diff(positions, axis=0))
         there, back = steps[: len(skip)], steps[run:]
         brief = times[run + 1 :] - times[: -run - 1] <= longest
         starts = np.flatnonzero(brief & (np.minimum(there, back) > _EXCURSION_RATIO * skip)) + 1
@@ -195,9 +195,11 @@ def _drop_excursions(fixes: Fixes) -> Fixes:
     return fixes
 
 
-def _lengths(differences: Floats) -> Floats:
-    lengths: Floats = np.sqrt((differences**2).sum(axis=1))
-    return lengths
+def lengths(differences: Floats) -> Floats:
+    """Lengths of vectors, shape (n, d)."""
+    # Several times as fast as a sum over the short axis.
+    found: Floats = np.sqrt(np.einsum("ij,ij->i", differences, differences))
+    return found
 
 
 def _is_outlier(fixes: Fixes) -> Bools:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from gpszip.history.fixes import Fixes
 from gpszip.history.stays import find_halts
 from gpszip.history.travel import (
+    ERROR_FACTOR,
     MAX_GAP,
     TRAVEL_SHARE,
     directness,
@@ -21,13 +23,14 @@ from gpszip.history.travel import (
 )
 from gpszip.history.values import Halt, Settings
 
-__all__ = ["TURN_TIME", "choose_halts", "find_known", "is_alone", "is_same"]
+__all__ = ["TURN_TIME", "choose_halts", "find_known", "is_alone", "is_same", "turns_back"]
 
 #: Fixes on the way that a trip has at least: a single one may be an error.
 _MIN_ROUTE_FIXES = 2
 
-#: Seconds of a stop at the far end of a round trip that is its goal. A red light is shorter.
-TURN_TIME = 120.0
+#: Seconds of a stop at the far end of a round trip that is its goal. Red lights are as long, but
+#: nobody turns back at one.
+TURN_TIME = 60.0
 
 #: A stop lies at the far end of a round trip if its distance from where the trip began is this
 #: share of the largest one, or more.
@@ -116,16 +119,18 @@ def _merged(fixes: Fixes, one: Halt, other: Halt) -> Halt:
 def _leaves(fixes: Fixes, one: Halt, other: Halt, settings: Settings) -> bool:
     """Whether fixes between two halts lead away from the first, and not just to one spot.
 
-    Fixes of one spot may be an error that lasts, such as the place of another WiFi.
+    Single far fixes are errors; two in succession show someone on the way. Fixes of one spot may be
+    an error that lasts, such as the place of another WiFi.
     """
     rows = slice(one.last + 1, other.first)
     positions, noise = fixes.positions[rows], fixes.noise[rows]
-    far = distances(positions, one.centre) - noise > settings.radius
-    if far.sum() < _MIN_ROUTE_FIXES:
+    far = distances(positions, one.centre) - ERROR_FACTOR * noise > settings.radius
+    if not (far[1:] & far[:-1]).any():
         return False
     outside, noise = positions[far], noise[far]
     spot = np.median(outside, axis=0)
-    return bool((distances(outside, spot) - noise > settings.radius / 2).any())
+    away = distances(outside, spot) - ERROR_FACTOR * noise
+    return bool((away > settings.radius / 2).any())
 
 
 def _drop_jumps(fixes: Fixes, halts: list[Halt], settings: Settings) -> list[Halt]:
@@ -161,7 +166,8 @@ def _is_error(fixes: Fixes, one: Halt, halt: Halt, other: Halt, settings: Settin
 def _is_seen(fixes: Fixes, one: Halt, other: Halt, settings: Settings) -> bool:
     """Whether a fix between two halts is at neither of both places."""
     rows = slice(one.last + 1, other.first)
-    positions, reach = fixes.positions[rows], settings.radius + fixes.noise[rows]
+    positions = fixes.positions[rows]
+    reach = settings.radius + ERROR_FACTOR * fixes.noise[rows]
     away = [distances(positions, halt.centre) > reach for halt in (one, other)]
     return bool((away[0] & away[1]).any())
 
@@ -170,10 +176,6 @@ def _add_turns(fixes: Fixes, halts: list[Halt], settings: Settings) -> list[Halt
     """Add short halts at the far end of round trips, which are their goals."""
     if settings.min_stay <= TURN_TIME or len(fixes) < 2:
         return halts
-    radius = settings.radius * TURN_TIME / settings.min_stay
-    short = find_halts(fixes, TURN_TIME, radius)
-    firsts = np.array([halt.first for halt in short], np.int64)
-
     # Ways from halt to halt; a track may begin and end on the way.
     ends = list(halts)
     if not halts or halts[0].first > 0:
@@ -182,31 +184,48 @@ def _add_turns(fixes: Fixes, halts: list[Halt], settings: Settings) -> list[Halt
         ends.append(_single(fixes, len(fixes) - 1, settings))
 
     # At most one halt on each.
-    turns = []
-    for one, other in pairwise(ends):
-        low, high = np.searchsorted(firsts, [one.last + 1, other.first])
-        inside = [halt for halt in short[low:high] if halt.last < other.first]
-        turns += _find_turn(fixes, one, other, inside, settings)
+    turns = [
+        turn
+        for one, other in pairwise(ends)
+        if (turn := _find_turn(fixes, one, other, settings)) is not None
+    ]
     return sorted([*halts, *turns], key=lambda halt: halt.first)
 
 
-def _find_turn(
-    fixes: Fixes, one: Halt, other: Halt, short: list[Halt], settings: Settings
-) -> list[Halt]:
-    """Return the longest of short halts at the far end of a way there and back; empty without."""
-    if not short:
-        return []
+def _find_turn(fixes: Fixes, one: Halt, other: Halt, settings: Settings) -> Halt | None:
+    """Return the longest short halt at the far end of a way there and back; None without."""
+    # Does it lead far, and back?
     rows = slice(one.last + 1, other.first)
-    farthest = float(distances(fixes.positions[rows], one.centre).max())
-    least = max(_FAR_SHARE * farthest, _MIN_TURN_WAY * settings.radius)
+    if rows.stop - rows.start < _MIN_ROUTE_FIXES:
+        return None
+    away = distances(fixes.positions[rows], one.centre)
+    row = one.last + 1 + int(away.argmax())
+    noise = float(fixes.noise[row])
+    if not turns_back(one.centre, fixes.positions[row], other.centre, noise, settings):
+        return None
+
+    # Short halts there, of which the longest counts.
+    way = Fixes(fixes.times[rows], fixes.positions[rows], fixes.noise[rows])
+    radius = settings.radius * TURN_TIME / settings.min_stay
     turns = [
         halt
-        for halt in short
-        if distance(halt.centre, one.centre) >= least
-        and directness(one.centre, halt.centre, other.centre) < _TURNED_BACK
+        for halt in find_halts(way, TURN_TIME, radius)
+        if distance(halt.centre, one.centre) >= _FAR_SHARE * float(away.max())
+        and turns_back(one.centre, halt.centre, other.centre, halt.noise, settings)
     ]
-    durations = [fixes.times[halt.last] - fixes.times[halt.first] for halt in turns]
-    return [turns[int(np.argmax(durations))]] if turns else []
+    if not turns:
+        return None
+    longest = max(turns, key=lambda halt: way.times[halt.last] - way.times[halt.first])
+    return replace(longest, first=longest.first + rows.start, last=longest.last + rows.start)
+
+
+def turns_back(one: Floats, turn: Floats, other: Floats, noise: float, settings: Settings) -> bool:
+    """Whether a way from one position to another leads far, to where it turns, and back.
+
+    ``noise`` is the error of the turn in metres.
+    """
+    is_far = distance(one, turn) >= _MIN_TURN_WAY * settings.radius + ERROR_FACTOR * noise
+    return is_far and directness(one, turn, other) < _TURNED_BACK
 
 
 def is_alone(fixes: Fixes, halt: Halt, settings: Settings) -> bool:

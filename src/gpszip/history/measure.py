@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from gpszip.history.fixes import Fixes
+from gpszip.history.fixes import Fixes, lengths
 
 __all__ = ["Travel", "measure_travel"]
 
@@ -73,7 +73,8 @@ def measure_travel(fixes: Fixes, start: float, end: float, begin: Floats, finish
     (5000, 540.0)
     """
     # Fixes on the way, between where it begins and where it ends.
-    rows = (fixes.times > start) & (fixes.times < end)
+    first = int(np.searchsorted(fixes.times, start, side="right"))
+    rows = slice(first, max(first, int(np.searchsorted(fixes.times, end))))
     times = np.concatenate([[start], fixes.times[rows], [end]])
     line = np.concatenate([[begin], fixes.positions[rows], [finish]])
     if end <= start:
@@ -85,7 +86,7 @@ def measure_travel(fixes: Fixes, start: float, end: float, begin: Floats, finish
     positions = np.stack([np.interp(even, times, axis) for axis in line.T], axis=1)
     smooth = uniform_filter1d(positions, _SMOOTHED, axis=0, mode="nearest")
     smooth[0], smooth[-1] = begin, finish
-    steps = np.sqrt((np.diff(smooth, axis=0) ** 2).sum(axis=1))
+    steps = lengths(np.diff(smooth, axis=0))
 
     # Speeds over half a minute around each step.
     speeds = uniform_filter1d(steps, _SPEED_STEPS, mode="nearest") / ((end - start) / (count - 1))

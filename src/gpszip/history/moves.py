@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gpszip.history.fixes import Fixes
 from gpszip.history.halts import is_same
-from gpszip.history.travel import directness, distance, distances, fills, is_jump
+from gpszip.history.travel import ERROR_FACTOR, directness, distance, distances, fills, is_jump
 from gpszip.history.values import Halt, Move, Settings, Stop
 
 __all__ = ["find_moves", "join_over_pauses"]
@@ -57,9 +57,11 @@ def _find_trip(
     rows = slice(first.last + 1, last.first)
     positions, noise = fixes.positions[rows], fixes.noise[rows]
     from_first, from_last = (distances(positions, halt.centre) for halt in (first, last))
-    on_the_way = (from_first > first.reach) & (from_last > last.reach)
-    farthest = float((from_first - noise).max(initial=0.0))
-    way = distance(first.centre, last.centre) - first.noise - last.noise
+    least = ERROR_FACTOR * noise
+    on_the_way = from_first > np.maximum(first.reach, least)
+    on_the_way &= from_last > np.maximum(last.reach, least)
+    farthest = float((from_first - least).max(initial=0.0))
+    way = distance(first.centre, last.centre) - ERROR_FACTOR * (first.noise + last.noise)
     if max(farthest, way) <= settings.radius:
         return None
     trip = (start, end, first.centre, last.centre)

@@ -15,12 +15,15 @@ from gpszip.archive import Archive, open_archive
 from gpszip.errors import OptionError
 from gpszip.history.destinations import DestinationModel, TripEnds, learn_destinations
 from gpszip.history.exits import list_exits
-from gpszip.history.routes import read_route, tell_route
+from gpszip.history.pace_so_far import band_factor
+from gpszip.history.read_route import read_route, tell_route
 from gpszip.history.sequence_model import Passes, SequenceModel, train
+from gpszip.history.travel_time import TravelTimes, learn_travel_times
 from gpszip.history.traversals import History, read_history
 from gpszip.history.trips import cut_trips, nearest_ends
+from gpszip.history.ways import fastest_way, likeliest_way
 from gpszip.model.match import Route
-from gpszip.model.prediction import LikelyNode, LikelyRoute, NextRoad
+from gpszip.model.prediction import LikelyNode, LikelyRoute, NextRoad, TripArrival
 from gpszip.model.timestamps import counts_from_1970
 
 __all__ = ["Predictor", "hours_of_day"]
@@ -91,7 +94,7 @@ class Predictor:
         self.network, rows = archive
         self.agents = rows.ids
         self._agent_numbers = {name: number for number, name in enumerate(rows.ids)}
-        self._traversals = rows.take(np.ones(len(rows), np.bool_))
+        self._traversals = rows
         order = _order_of_time(rows.enter, rows.starts)
         self._order = order
 
@@ -237,6 +240,78 @@ class Predictor:
         likely = self._destinations.predict(self._read(route), self._hour(time), self._agent(agent))
         return [LikelyNode(node, probability) for node, probability in likely[:count]]
 
+    def arrival(
+        self,
+        route: Route | Iterable[Any],
+        goal: int | Route | Iterable[Any],
+        time: float | None = None,
+        agent: str | None = None,
+        *,
+        times: Sequence[float] | None = None,
+        metres_left: float = 0.0,
+    ) -> TripArrival:
+        """When the agent arrives, counted from now.
+
+        Expected are the mean seconds of each edge in its direction at its hour, with standing at
+        stops and lights, drawn to those of all edges where passes are few. The band is that of
+        drives as long in the archive.
+
+        Parameters
+        ----------
+        route, agent
+            As for :meth:`next`.
+        goal : int, Route, or sequence of (int, bool)
+            Node of the network, to which the likeliest way is taken; or the route that remains,
+            which begins where the other one ends.
+        time : float, optional
+            Now, in seconds as in the archive; by default any hour.
+        times : sequence of float, optional
+            Seconds at which each edge of the route was entered. With the time, they tell whether
+            this trip is slower or faster than usual.
+        metres_left : float, default 0
+            Metres to the end of the route's last edge.
+
+        Returns
+        -------
+        TripArrival
+            With the way.
+
+        Raises
+        ------
+        OptionError
+            As for :meth:`next`; if there is no such node, or no way to it; or if the archive has no
+            times.
+        """
+        route = route if isinstance(route, Route) else list(route)
+        directed = self._read(route)
+        way = self._way(directed, goal, time, agent)
+
+        # This trip's pace so far, where it is known when it began.
+        pace = factor = 1.0
+        if times is not None and time is not None:
+            if len(times) != len(route):
+                raise OptionError(f"the route has {len(route)} edges and {len(times)} times")
+            begin = float(times[len(route) - len(directed)])
+            edges, forward = _columns(directed)
+            metres = self.network.lengths[edges].copy()
+            metres[-1] = max(metres[-1] - metres_left, 0.0)
+            seconds = self._times.seconds(edges, forward, begin, metres=metres)
+            expected = float(seconds.sum())
+            pace = self._times.pace_so_far(max(time - begin, 0.0), expected)
+            factor = self._band_factor
+
+        # The rest of the last edge, and of the way.
+        edges, forward = _columns([directed[-1], *way])
+        metres = self.network.lengths[edges].copy()
+        metres[0] = max(metres_left, 0.0)
+        length = float(metres.sum())
+        if not length:
+            return TripArrival(0.0, 0.0, 0.0, 0.0, ())
+        told = self._times.arrival(edges, forward, time, metres=metres, pace=pace)
+        low = told.seconds * (told.low / told.seconds) ** factor
+        high = told.seconds * (told.high / told.seconds) ** factor
+        return TripArrival(told.seconds, low, high, length, tell_route(way))
+
     def learn(
         self,
         route: Route | Iterable[Any],
@@ -299,6 +374,52 @@ class Predictor:
             bits.append(-math.log2(max(probabilities[taken], 1e-12)))
         return bits
 
+    def _way(
+        self,
+        route: list[int],
+        goal: int | Route | Iterable[Any],
+        time: float | None,
+        agent: str | None,
+    ) -> list[int]:
+        """Directed edges from the end of a route to the goal."""
+        # The user knows the way.
+        if not isinstance(goal, int | np.integer):
+            rest = [*tell_route(route[-1:]), *_pairs(goal)]
+            options, edges = self._model.options, len(self.network)
+            way = read_route(rest, options, edges, longest=len(rest))
+            if len(way) < len(rest):
+                raise OptionError(
+                    "the route that remains does not begin where the other one ends",
+                    remedy="give all edges from there on, each beginning where the last one ends",
+                )
+            return way[1:]
+
+        # The likeliest way, else the fastest.
+        if not 0 <= goal < len(self.network.nodes):
+            raise OptionError(
+                f"there is no node {goal}; the archive has nodes 0 to {len(self.network.nodes) - 1}"
+            )
+        found = likeliest_way(
+            self._model, self.exits, route, int(goal), self._hour(time), self._agent(agent)
+        )
+        if found is None:
+            rates = self._times.rates.mean(axis=1)
+            seconds = rates * np.repeat(self.network.lengths, 2)
+            found = fastest_way(self.exits, seconds, route[-1], int(goal))
+        if found is None:
+            raise OptionError(f"no way leads from the route to node {goal}")
+        return found
+
+    @cached_property
+    def _times(self) -> TravelTimes:
+        """Travel times, which only :meth:`arrival` needs."""
+        return learn_travel_times(History(self.network, self._traversals))
+
+    @cached_property
+    def _band_factor(self) -> float:
+        """How much narrower the band of arrivals is once a trip has shown its pace."""
+        return band_factor(self._times, self._traversals)
+
     @cached_property
     def _destinations(self) -> DestinationModel:
         """Ends of the archive's trips, which only :meth:`destination` needs."""
@@ -324,6 +445,19 @@ class Predictor:
 
     def _agent(self, name: str | None) -> int | None:
         return None if name is None else self._agent_numbers.get(name)
+
+
+def _columns(directed: list[int]) -> tuple[Ints, NDArray[np.bool_]]:
+    """Edges and directions of directed edges as arrays."""
+    numbers = np.array(directed, np.int64)
+    return numbers >> 1, numbers & 1 == 0
+
+
+def _pairs(route: Route | Iterable[Any]) -> list[Any]:
+    """Edges and directions of a route."""
+    if isinstance(route, Route):
+        return list(zip(route.edges.tolist(), route.forward.tolist(), strict=True))
+    return list(route)
 
 
 def _rank(each: tuple[float, Any]) -> tuple[float, Any]:

@@ -73,9 +73,6 @@ _EDGE, _ROUTE, _AGENT, _HOUR = range(4)
 #: Largest counts of classes of contexts; see :func:`kinds_of_counts`.
 _CLASS_COUNTS = (1, 3, 10, 40)
 
-#: What the side experts may know: the agent, the hour.
-_SIDES = ((True, False), (False, True), (True, True))
-
 #: Logarithms of small counts with what is added, as most counts are small.
 _LOGS = [math.log(count + _ADDED) for count in range(256)]
 
@@ -125,6 +122,27 @@ class _SideWeights(NamedTuple):
     hour: Floats
 
 
+class _SideDecisions(NamedTuple):
+    """Decisions from which the weights of agent and hour are learned, when first asked for.
+
+    Parameters
+    ----------
+    base : float64 array, shape (m, D)
+        Logarithms of the probabilities without them.
+    exists : bool array, shape (m, D)
+        Whether there is an exit.
+    chosen : int64 array, shape (m,)
+        The exit taken.
+    counts : list of float64 arrays, shape (m, D)
+        Counts by agent and hour by turns, for one order after the other.
+    """
+
+    base: Floats
+    exists: NDArray[np.bool_]
+    chosen: Ints
+    counts: list[Floats]
+
+
 class SequenceModel:
     """Probabilities of what follows a route; made by :func:`train`.
 
@@ -135,7 +153,7 @@ class SequenceModel:
         self,
         exits: Exits,
         weights: _Weights,
-        sides: dict[tuple[bool, bool], _SideWeights],
+        decisions: _SideDecisions,
         keys: list[NDArray[np.uint64]],
         counts: list[Floats],
     ) -> None:
@@ -148,7 +166,9 @@ class SequenceModel:
         self._labels: list[int] = label_keys(np.arange(len(exits)), _EDGE).tolist()
 
         # What is known without a context.
-        self._weights, self._sides = weights, sides
+        self._weights = weights
+        self._side_decisions = decisions
+        self._side_weights: dict[tuple[bool, bool], _SideWeights] = {}
         start = weights.straight * exits.cosines + weights.turn_back * exits.turns_back
         self._start: list[list[float]] = start.tolist()
         self._angle_prior: list[list[float]] = _angle_prior(exits).tolist()
@@ -294,7 +314,10 @@ class SequenceModel:
         self, probabilities: list[float], keys: list[int], hour: int | None, agent: int | None
     ) -> list[float]:
         """Probabilities with what the agent does, and what is done at the hour."""
-        weights = self._sides[agent is not None, hour is not None]
+        knows = agent is not None, hour is not None
+        weights = self._side_weights.get(knows)
+        if weights is None:
+            weights = self._side_weights[knows] = _fit_sides(self._side_decisions, *knows)
         scores = [weights.base * math.log(max(p, _MIN_PROBABILITY)) for p in probabilities]
         known = (
             (_side_label(agent, _AGENT), weights.agent),
@@ -426,10 +449,10 @@ def train(exits: Exits, passes: Passes) -> SequenceModel:
     sides += [empty] * (2 * len(_SIDE_ORDERS) - len(sides))
     last = passes.directed[decisions]
     weights, base = _fit_weights(exits, last, chosen[decisions], before, own)
-    fitted = _fit_sides(base, exits.exists[last], chosen[decisions], sides)
+    known = _SideDecisions(base, exits.exists[last], chosen[decisions], sides)
     if not keys:
         keys, counts = [np.zeros(0, np.uint64)], [np.zeros((0, width))]
-    return SequenceModel(exits, weights, fitted, keys, counts)
+    return SequenceModel(exits, weights, known, keys, counts)
 
 
 def _asked(is_whole: NDArray[np.bool_], decisions: Ints) -> NDArray[np.bool_]:
@@ -502,24 +525,18 @@ def _fit_weights(
     return weights, np.where(exists, np.log(np.maximum(probabilities, _MIN_PROBABILITY)), 0.0)
 
 
-def _fit_sides(
-    base: Floats, exists: NDArray[np.bool_], chosen: Ints, sides: list[Floats]
-) -> dict[tuple[bool, bool], _SideWeights]:
-    """Fit the weights for what may be known: the agent, the hour, or both.
-
-    ``sides`` holds agent and hour by turns, for one order after the other.
-    """
-    one_kind = np.zeros(len(base), np.int64)
+def _fit_sides(known: _SideDecisions, knows_agent: bool, knows_hour: bool) -> _SideWeights:
+    """Fit the weights for what is known: the agent, the hour, or both."""
+    one_kind = np.zeros(len(known.base), np.int64)
     none = np.zeros((len(_SIDE_ORDERS), KINDS))
-    weights = {}
-    for knows_agent, knows_hour in _SIDES:
-        counts = [*(sides[0::2] if knows_agent else []), *(sides[1::2] if knows_hour else [])]
-        features = [_expert(each, exists)._replace(start=0.0) for each in counts]
-        fitted = fit_weights([Feature(base, one_kind, 1, 1.0), *features], exists, chosen)
-        experts = fitted[1:].reshape(-1, len(_SIDE_ORDERS), KINDS)
-        weights[knows_agent, knows_hour] = _SideWeights(
-            float(fitted[0]),
-            experts[0] if knows_agent else none,
-            experts[-1] if knows_hour else none,
-        )
-    return weights
+    counts = [
+        *(known.counts[0::2] if knows_agent else []),
+        *(known.counts[1::2] if knows_hour else []),
+    ]
+    experts = [_expert(each, known.exists)._replace(start=0.0) for each in counts]
+    features = [Feature(known.base, one_kind, 1, 1.0), *experts]
+    fitted = fit_weights(features, known.exists, known.chosen)
+    weights = fitted[1:].reshape(-1, len(_SIDE_ORDERS), KINDS)
+    return _SideWeights(
+        float(fitted[0]), weights[0] if knows_agent else none, weights[-1] if knows_hour else none
+    )

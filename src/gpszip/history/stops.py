@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.history.fixes import Fixes
-from gpszip.history.halts import TURN_TIME, find_known
+from gpszip.history.halts import TURN_TIME, find_known, turns_back
 from gpszip.history.travel import (
     MAX_GAP,
     WAY_FACTOR,
@@ -56,11 +56,17 @@ def estimate_stops(
     if halts and halts[0].first > 0:
         begins[0] = _arrival(fixes, halts[0])
 
-    return [
-        Stop(begin, end, float(fixes.times[halt.first]), float(fixes.times[halt.last]), halt)
-        for begin, end, duration, halt in zip(begins, ends, seen, halts, strict=True)
-        if end - begin >= settings.min_stay or duration >= TURN_TIME
-    ]
+    # Those that are long enough, or where the way turns back.
+    centres = [fixes.positions[0], *(halt.centre for halt in halts), fixes.positions[-1]]
+    stops = []
+    for i, (begin, end, halt) in enumerate(zip(begins, ends, halts, strict=True)):
+        is_turn = end - begin >= TURN_TIME and turns_back(
+            centres[i], halt.centre, centres[i + 2], halt.noise, settings
+        )
+        if is_turn or end - begin >= settings.min_stay:
+            first_seen, last_seen = fixes.times[[halt.first, halt.last]].tolist()
+            stops.append(Stop(begin, end, first_seen, last_seen, halt))
+    return stops
 
 
 def _next_step(fixes: Fixes, halt: Halt, settings: Settings) -> float:

@@ -54,8 +54,8 @@ def build_timeline(fixes: Fixes, settings: Settings, places: Floats | None = Non
     """
     # Halts, without single fixes that nothing confirms: without these, other ones may be single.
     doubtful: list[Doubt] = []
+    halts = choose_halts(fixes, settings)
     for _ in range(_MAX_ROUNDS):
-        halts = choose_halts(fixes, settings)
         alone = [
             halt.first
             for halt in halts
@@ -65,6 +65,7 @@ def build_timeline(fixes: Fixes, settings: Settings, places: Floats | None = Non
             break
         doubtful += [Doubt(float(fixes.times[row]), fixes.positions[row]) for row in alone]
         fixes = fixes.take(~np.isin(np.arange(len(fixes)), alone))
+        halts = choose_halts(fixes, settings)
 
     # Times of stops, and moves between them.
     stops = estimate_stops(fixes, halts, settings, places)

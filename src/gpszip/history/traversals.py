@@ -29,11 +29,11 @@ from gpszip.history.groups import sum_by
 from gpszip.history.turning import Legs, remove_wandering
 from gpszip.io.networks.from_archive import clean_map_network
 from gpszip.matching.match import match
-from gpszip.model import Network
+from gpszip.model import Network, Track
 from gpszip.model.match import Match
 from gpszip.model.text import count_text
 
-__all__ = ["History", "Traversals", "read_history"]
+__all__ = ["History", "Traversals", "match_traversals", "read_history"]
 
 #: A track slower than this share of the log's median speed stands still.
 _STANDING = 0.1
@@ -181,37 +181,63 @@ def read_history(archive: Archive) -> History:
     >>> traversals.leave.round().tolist()
     [10.0, 20.0, 30.0, 39.0]
     """
-    # 1. Match the knots. The archive knows its gaps, so that none is sought.
+    # The archive knows its gaps, so that none is sought.
     network = clean_map_network(archive.clean_map(), "the archive", plane=archive.grid.plane)
     pieces = archive.decompress()
-    matching = match(pieces, network, gap=np.inf, keep_outliers=True)
-    number = {track: i for i, track in enumerate(archive.ids)}
-    owner, names = np.zeros(len(pieces), np.int32), archive.pieces
-    owner[:] = [number[names[piece.id]] for piece in pieces]
+    number, names = {track: i for i, track in enumerate(archive.ids)}, archive.pieces
+    owners = [number[names[piece.id]] for piece in pieces]
+    traversals = match_traversals(
+        pieces, network, archive.ids, owners, gap=np.inf, keep_outliers=True
+    )
+    return History(network, traversals)
 
-    # 2. Pass times of all routes, one piece after the other.
-    timed = np.array([piece.timed for piece in pieces], np.bool_)
-    clocks = [np.asarray(piece.times, np.float64) for piece in pieces]
+
+def match_traversals(
+    tracks: Sequence[Track],
+    network: Network,
+    ids: tuple[str, ...],
+    owners: Sequence[int],
+    *,
+    gap: float | None = None,
+    keep_outliers: bool = False,
+) -> Traversals:
+    """Match tracks to a network, and list the traversals of its edges.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        Tracks, or pieces of them in their order, on the plane of the network.
+    network : Network
+        The edges.
+    ids : tuple of str
+        Names of the agents.
+    owners : sequence of int
+        Which of them each track belongs to; never decreases.
+    gap : float, optional
+        Seconds of a gap, as for :func:`gpszip.match`.
+    keep_outliers : bool, default False
+        Whether outliers are matched like other samples.
+    """
+    # Match, and find the times at which routes pass nodes, all pieces on one line.
+    matching = match(tracks, network, gap=gap, keep_outliers=keep_outliers)
+    timed = np.array([track.timed for track in tracks], np.bool_)
+    clocks = [np.asarray(track.times, np.float64) for track in tracks]
     knots = _list_knots(matching.matches, clocks)
-    legs = _list_legs(matching.matches, knots, owner, timed)
+    legs = _list_legs(matching.matches, knots, np.asarray(owners, np.int32), timed)
 
-    # 3. Take out noise, and tell where travel goes on.
+    # Take out noise, and tell where travel goes on.
     legs = remove_wandering(legs, _WANDERING * matching.scales.error)
-    starts = np.append(True, legs.piece[1:] != legs.piece[:-1])[: len(legs.piece)]
-    return History(
-        network,
-        Traversals(
-            ids=archive.ids,
-            track=legs.track,
-            edge=legs.edge,
-            forward=legs.forward,
-            enter=legs.enter,
-            leave=legs.leave,
-            begin=legs.begin,
-            end=legs.end,
-            standing=legs.standing,
-            starts=starts,
-        ),
+    return Traversals(
+        ids=ids,
+        track=legs.track,
+        edge=legs.edge,
+        forward=legs.forward,
+        enter=legs.enter,
+        leave=legs.leave,
+        begin=legs.begin,
+        end=legs.end,
+        standing=legs.standing,
+        starts=np.append(True, legs.piece[1:] != legs.piece[:-1])[: len(legs.piece)],
     )
 
 

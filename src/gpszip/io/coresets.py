@@ -29,7 +29,7 @@ from gpszip.io.storage.sink import open_sink
 from gpszip.model import Plane
 from gpszip.sketches.coreset import Coreset
 
-__all__ = ["read_coreset", "write_coreset"]
+__all__ = ["holds_coreset", "read_coreset", "write_coreset"]
 
 #: Key of the coreset's data in the metadata of the schema.
 _METADATA_KEY = b"gpszip.coreset"
@@ -149,6 +149,17 @@ def read_coreset(source: str | Path | BinaryIO) -> Coreset:
         raise InputError(
             f"can't be read as a coreset: {str(error).splitlines()[0]}", path=where
         ) from None
+
+
+def holds_coreset(path: str) -> bool:
+    """Whether a file is a coreset that :func:`write_coreset` wrote; no log is."""
+    if not Path(path).is_file():
+        return False
+    try:
+        with Path(path).open("rb") as file:
+            return _METADATA_KEY in (pq.read_schema(file).metadata or {})
+    except (pa.ArrowException, OSError):
+        return False
 
 
 def _column_names(dimension: int) -> list[str]:

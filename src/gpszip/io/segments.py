@@ -6,8 +6,6 @@ import csv
 import io
 import json
 import math
-from collections.abc import Iterator, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +16,9 @@ from gpszip.errors import InputError, OutputError
 from gpszip.geo.degree_lines import cut_at_antimeridian
 from gpszip.geo.planes import to_plane
 from gpszip.io.logs.geojson.write import METRES_MEMBER
-from gpszip.io.logs.track_rows import DEGREE_DIGITS, TIME_DECIMALS
+from gpszip.io.logs.track_rows import DEGREE_DIGITS
 from gpszip.io.storage.sink import open_sink
-from gpszip.model import MarkovModel, Plane, SegmentMean, Track
+from gpszip.model import MarkovModel, Plane, SegmentMean
 from gpszip.model.projection import UNITS_PER_DEGREE, map_coordinates
 
 __all__ = ["SEGMENT_FORMATS", "read_model", "segment_format", "write_segments"]
@@ -73,9 +71,8 @@ def write_segments(
     target: str,
     mean: SegmentMean,
     model: MarkovModel,
-    tracks: Sequence[Track],
+    parts: list[dict[str, Any]],
     facts: dict[str, Any],
-    part_costs: Floats,
 ) -> None:
     """Write the parts, segments and transitions of a segment mean.
 
@@ -84,18 +81,15 @@ def write_segments(
     target : str
         The file; ``-`` is standard output. Its suffix gives the format.
     mean : SegmentMean
-        Of all samples of the tracks, one track after the other.
+        Labels of the parts.
     model : MarkovModel
         Its segments and transitions.
-    tracks : sequence of Track
-        The tracks.
+    parts : list of dict
+        Each part: its track, samples, times and cost by name.
     facts : dict
         Members that the JSON begins with.
-    part_costs : float64 array, shape (k,)
-        Fitting cost of each part in square metres.
     """
     format_name = segment_format(target)
-    parts = list(_parts(mean, tracks, part_costs))
     if format_name == "csv":
         text = _as_csv(mean, model, parts)
     elif format_name == "geojson":
@@ -106,36 +100,11 @@ def write_segments(
         sink.write(text.encode())
 
 
-def _parts(
-    mean: SegmentMean, tracks: Sequence[Track], part_costs: Floats
-) -> Iterator[dict[str, Any]]:
-    """Yield each part with its track and samples."""
-    firsts = np.cumsum([0, *map(len, tracks)])
-    owners = np.searchsorted(firsts, mean.boundaries[:-1], side="right") - 1
-    for number, (begin, after) in enumerate(pairwise(mean.boundaries.tolist())):
-        # Samples are counted within the track.
-        owner = int(owners[number])
-        track, offset = tracks[owner], int(firsts[owner])
-        first, last = begin - offset, after - 1 - offset
-        yield {
-            "part": number,
-            "track_id": track.id,
-            "segment": int(mean.labels[number]),
-            "first": first,
-            "last": last,
-            "t_start": round(float(track.times[first]), TIME_DECIMALS) if track.timed else None,
-            "t_end": round(float(track.times[last]), TIME_DECIMALS) if track.timed else None,
-            "cost": float(part_costs[number]),
-        }
-
-
 def _axes(model: MarkovModel) -> list[str]:
     """Names of the coordinates."""
     if model.plane is not None:
-        return ["lat", "lon", *(f"x{axis}" for axis in range(2, model.dimension))]
-    if model.dimension <= _MAX_AXES:
-        return list("xyz"[: model.dimension])
-    return [f"x{axis}" for axis in range(model.dimension)]
+        return ["lat", "lon"]
+    return [*"xyz", *(f"x{axis}" for axis in range(4, model.dimension + 1))][: model.dimension]
 
 
 def _ends(model: MarkovModel) -> tuple[list[list[float]], list[list[float]]]:
@@ -333,10 +302,13 @@ def _to_model(value: dict[str, Any]) -> MarkovModel:
     # The plane and the segments on it.
     plane = None
     if value["planes"] is not None:
+        centers = [(float(lat), float(lon)) for lat, lon in value["planes"]]
+        if not centers or not all(abs(lat) <= 90 and abs(lon) <= 180 for lat, lon in centers):
+            raise ValueError("a plane is not on the globe")
         plane = Plane(
             tuple(
                 (round(lat * UNITS_PER_DEGREE), round(lon * UNITS_PER_DEGREE))
-                for lat, lon in value["planes"]
+                for lat, lon in centers
             )
         )
     starts, ends = (_points(value["segments"], side, plane) for side in ("start", "end"))

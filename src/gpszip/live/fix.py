@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gpszip.errors import InputError
 
@@ -21,6 +21,8 @@ class Marks:
     ARRIVAL = "arrival"
     #: 1024 weeks were added to the time.
     ROLLOVER = "rollover"
+    #: The speed was converted to m/s.
+    SPEED = "speed"
     #: The fix was more than an hour old when it was received.
     STALE = "stale"
 
@@ -94,6 +96,10 @@ class Fix:
             f"{self.quality} {mark}".strip(),
             self.kind,
         )
+
+    def with_speed(self, speed: float) -> Fix:
+        """Return the fix with another speed, marked."""
+        return replace(self, speed=speed, quality=f"{self.quality} {Marks.SPEED}".strip())
 
     def to_row(self) -> list[object]:
         """Return the fields in the order of the journal, without empty ones at the end."""

@@ -15,6 +15,7 @@ import contextlib
 import errno
 import json
 import os
+import threading
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -158,7 +159,8 @@ class Lock:
     def acquire(self) -> bool:
         """Take the lock; return whether it was free."""
         with as_output_error(self._path):
-            self._path.parent.mkdir(parents=True, exist_ok=True)
+            # Where people are is nobody else's matter.
+            self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             file = self._path.open("ab")
             if not _lock_file(file):
                 file.close()
@@ -222,6 +224,8 @@ class Journal:
         self.folder = Path(folder)
         self._file: IO[bytes] | None = None
         self._end = 0
+        # Fixes are written beside the event loop, which may end the segment meanwhile.
+        self._turn = threading.RLock()
         self._lock = Lock(self.folder)
         if not self._lock.acquire():
             raise OutputError(
@@ -270,7 +274,7 @@ class Journal:
         data = b"".join(map(encode_record, fixes))
         if not data:
             return
-        with as_output_error(self.folder):
+        with self._turn, as_output_error(self.folder):
             if self._end > _MAX_SEGMENT_BYTES:
                 self.rotate()
             file = self._file or self._begin_segment()
@@ -280,14 +284,29 @@ class Journal:
             except BaseException:
                 self._abandon()
                 raise
-        self._end += len(data)
+            self._end += len(data)
 
     def rotate(self) -> None:
         """End the segment; the next fix begins another one."""
-        if self._file is not None:
-            self._file.close()
-            self._file = None
-        self._end = 0
+        with self._turn:
+            if self._file is not None:
+                self._file.close()
+                self._file = None
+            self._end = 0
+
+    def advance(self) -> bool:
+        """Begin another segment if this one has fixes, so that others may archive this one.
+
+        Whoever archives leaves the last segment to its writer. Return whether there are segments
+        before it.
+        """
+        with self._turn:
+            if self._file is not None and self._end > len(_HEADER):
+                self.rotate()
+                # On a full disk, the next fix tries again.
+                with contextlib.suppress(OSError):
+                    self._begin_segment()
+        return len(segments(self.folder)) > 1
 
     def close(self) -> None:
         """End the segment, and let others write to the journal."""

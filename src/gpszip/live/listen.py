@@ -41,24 +41,36 @@ class Rolling:
         """Roll again and again, until the task is cancelled."""
         while True:
             await asyncio.sleep(self.every)
-            journal.rotate()
-            process = await asyncio.create_subprocess_exec(
-                sys.executable,
-                *self._command,
-                stdin=asyncio.subprocess.DEVNULL,
-                stdout=asyncio.subprocess.DEVNULL,
-            )
-            try:
-                code = await process.wait()
-            except asyncio.CancelledError:
-                with contextlib.suppress(ProcessLookupError):
-                    process.terminate()
-                await process.wait()
-                raise
-            if code == 0:
+            if not await asyncio.to_thread(journal.advance):
+                continue
+            error = await self._roll()
+            if error is None:
                 notices.count("times that the journal was archived")
             else:
-                notices.note("journal not archived", value=f"exit code {code}")
+                notices.note("journal not archived", value=error)
+
+    async def _roll(self) -> str | None:
+        """Archive the journal; return the error of the process, None if it had none."""
+        # In a session of its own, Ctrl-C does not reach it.
+        process = await asyncio.create_subprocess_exec(
+            sys.executable,
+            *self._command,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.DEVNULL,
+            stderr=asyncio.subprocess.PIPE,
+            start_new_session=True,
+        )
+        try:
+            _, told = await process.communicate()
+        except asyncio.CancelledError:
+            with contextlib.suppress(ProcessLookupError):
+                process.terminate()
+            await process.wait()
+            raise
+        if process.returncode == 0:
+            return None
+        lines = told.decode("utf-8", "replace").strip().splitlines()
+        return lines[-1] if lines else f"exit code {process.returncode}"
 
 
 async def listen(
@@ -96,8 +108,8 @@ async def listen(
             beside.append(asyncio.create_task(rolling.run(journal, notices)))
 
         # Wait until all sources have ended, one has failed, or a signal comes.
+        everything = asyncio.ensure_future(asyncio.gather(*running))
         try:
-            everything = asyncio.ensure_future(asyncio.gather(*running))
             await asyncio.wait([everything, *beside], return_when=asyncio.FIRST_COMPLETED)
             failed = next(
                 (task.exception() for task in [*running, *beside] if _has_failed(task)), None
@@ -106,14 +118,16 @@ async def listen(
             for task in [*running, *beside]:
                 task.cancel()
             await asyncio.wait([*running, *beside], timeout=_END_SECONDS)
-            with contextlib.suppress(BaseException):
-                await everything
+            # Errors are raised below; asyncio would report again those that nobody asked for.
+            everything.cancel()
+            await asyncio.wait([everything], timeout=_END_SECONDS)
+            _has_failed(everything)
             await recorder.finish()
     if failed is not None:
         raise failed
 
 
-def _has_failed(task: asyncio.Task[Any]) -> bool:
+def _has_failed(task: asyncio.Future[Any]) -> bool:
     return task.done() and not task.cancelled() and task.exception() is not None
 
 

@@ -18,7 +18,7 @@ _MAX_PAIRS = 20_000
 _MAX_EVENTS = 1_000
 
 #: Letters of a value that a line shows.
-_MAX_VALUE_LETTERS = 60
+_MAX_VALUE_LETTERS = 160
 
 
 class Notices:

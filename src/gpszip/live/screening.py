@@ -7,6 +7,7 @@ from collections import OrderedDict
 
 from gpszip.live.fix import Fix, Marks
 from gpszip.live.notices import Notices
+from gpszip.live.speeds import SpeedUnits
 
 __all__ = ["Screen"]
 
@@ -58,6 +59,7 @@ class Screen:
     def __init__(self, notices: Notices, geographic: bool | None = None) -> None:
         self._notices = notices
         self.geographic = geographic
+        self._speeds = SpeedUnits(notices)
         self._near_zero: OrderedDict[str, None] = OrderedDict()
 
     def check(self, fix: Fix) -> Fix | None:
@@ -67,7 +69,7 @@ class Screen:
             self._notices.note(reason, fix.agent, value)
             return None
         self.geographic = fix.geographic
-        return self._repaired(fix)
+        return self._speeds.convert(self._repaired(fix))
 
     def _refusal(self, fix: Fix) -> tuple[str, str]:
         """Say why a fix can't be used, and show the value; nothing if it can."""

@@ -429,12 +429,9 @@ class LiveMatcher:
         self, time: float, road: int, metres: float, distance: float, probability: float
     ) -> LivePosition:
         """The position at metres along a directed road, with the roads that may come next."""
-        # Find the roads that may come next once for each directed road.
         if road < 0:
             return LivePosition(time, -1, False, math.nan, math.nan, probability, True, (), ())
-        following = self._next_roads.get(road)
-        if following is None:
-            following = self._next_roads[road] = self._find_next_roads(road)
+        following = self._roads_after(road, time)
         return LivePosition(
             time=time,
             edge=road >> 1,
@@ -446,6 +443,31 @@ class LiveMatcher:
             next=following,
             finalised=(),
         )
+
+    def _roads_after(self, road: int, time: float) -> tuple[NextRoad, ...]:  # noqa: ARG002
+        """Roads that may come next, found once for each directed road."""
+        following = self._next_roads.get(road)
+        if following is None:
+            following = self._next_roads[road] = self._find_next_roads(road)
+        return following
+
+    def _best_roads(self) -> list[int]:
+        """Directed roads of the most likely path since its last break, as far as steps are kept."""
+        # The path up to the newest time step.
+        newest = self._steps - 1
+        first = max(0, self._steps - self._lag, self._steps - self._steps_since_gap)
+        path = backtrack(self._ring, newest, best_candidate(self._ring, newest), first)
+        roads = self._ring.candidates.roads[path].tolist()
+        transitions = self._ring.candidates.transitions[path].tolist()
+
+        # Each road once, from the last break on.
+        travelled: list[int] = []
+        for road, transition in zip(roads, transitions, strict=True):
+            if road < 0 or transition >= JUMP:
+                travelled = []
+            if road >= 0 and (not travelled or travelled[-1] != road):
+                travelled.append(road)
+        return travelled
 
     def _find_next_roads(self, road: int) -> tuple[NextRoad, ...]:
         """Roads that leave the end of a directed road; the model's turn costs give probabilities.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-__all__ = ["Arrival", "LikelyNode", "LikelyRoute", "NextRoad"]
+__all__ = ["Destination", "LikelyNode", "LikelyRoute", "NextRoad", "Outlook", "TripArrival"]
 
 
 class NextRoad(NamedTuple):
@@ -57,7 +57,7 @@ class LikelyNode(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Arrival:
+class TripArrival:
     """When an agent arrives.
 
     Parameters
@@ -77,3 +77,56 @@ class Arrival:
     high: float
     metres: float
     route: tuple[tuple[int, bool], ...]
+
+
+@dataclass(frozen=True)
+class Destination:
+    """A place at which a trip may end, and when.
+
+    Parameters
+    ----------
+    node : int
+        Node of the network.
+    probability : float
+        Share of the trips like this one that ended there.
+    position : tuple of float
+        Latitude and longitude, or x and y in metres.
+    arrival : TripArrival or None
+        When the agent arrives; None if no way leads there, or the archive has no times.
+    """
+
+    node: int
+    probability: float
+    position: tuple[float, ...]
+    arrival: TripArrival | None
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """Where an agent goes from its last position.
+
+    Parameters
+    ----------
+    track : str
+        Name of the track.
+    time : float
+        Seconds of its last position; NaN for a track without times.
+    edge : int
+        Edge that it travels; -1 if it is off the map, and then nothing is known.
+    forward : bool
+        Whether it travels the edge from its start to its end.
+    next : tuple of NextRoad
+        Edges that may follow, the likeliest first.
+    routes : tuple of LikelyRoute
+        Likeliest routes over the next edges.
+    destinations : tuple of Destination
+        Where the trip may end, the likeliest first.
+    """
+
+    track: str
+    time: float
+    edge: int
+    forward: bool
+    next: tuple[NextRoad, ...]
+    routes: tuple[LikelyRoute, ...]
+    destinations: tuple[Destination, ...]

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gpszip.archive import Archive
 from gpszip.archive.curves import curves_section
@@ -35,7 +34,7 @@ _HEIGHT_ERROR = 3.0
 #: Rows of a log on disk that are read at once, in about 100 bytes each.
 _ROWS = 1 << 16
 
-#: Samples of a track among which the first one after its end in an archive is looked for.
+#: Samples of a track among which the first one after a curve in an archive is looked for.
 _SAMPLES_NEAR_START = 10_000
 
 
@@ -103,9 +102,11 @@ def _unnamed_heights(
     named = (*options.keep, *(name for name, _ in options.curves))
     if HEIGHT in named or log.plane is None or HEIGHT not in _names(log):
         return {}, ()
-    has_height = {
-        each.track for each in _slices(log, HEIGHT, shapes=True) if _has_number(each.values)
-    }
+    slices = list(_slices_with_numbers(log, HEIGHT))
+    has_height = {track for track, _ in slices}
+    # Such as Google Earth writes for lines on the ground.
+    if slices and not any(is_high for _, is_high in slices):
+        return {}, ("heights are not kept: all are 0",)
 
     # Heights of shapes have no time; those beside a size would leave too little for the walks.
     shapes = sum(not log.tracks[track].timed for track in has_height)
@@ -124,9 +125,13 @@ def _unnamed_heights(
         return {}, (*notes, f"heights are not kept: {error.reason}")
 
 
-def _has_number(values: NDArray[np.generic]) -> bool:
-    """Whether any of the values is a number."""
-    return values.dtype.kind in "iuf" and bool(np.isfinite(values.astype(np.float64)).any())
+def _slices_with_numbers(log: Log, name: str) -> Iterator[tuple[int, bool]]:
+    """Number of the track of each slice with numbers, and whether any is other than 0."""
+    for each in _slices(log, name, shapes=True):
+        if each.values.dtype.kind in "iuf":
+            numbers = each.values[np.isfinite(each.values)]
+            if len(numbers):
+                yield each.track, bool((numbers != 0).any())
 
 
 def extended_curves(
@@ -153,7 +158,6 @@ def extended_curves(
     if not options.curves:
         return ()
     check_names([name for name, _ in options.curves], geographic=log.plane is not None)
-    begins = _begins(archive, log)
     ids = tuple(dict.fromkeys([*archive.ids, *(track.id for track in log.tracks)]))
 
     columns = {}
@@ -164,16 +168,18 @@ def extended_curves(
             raise OptionError(
                 f"no track has a column {name!r} to keep", remedy="name it when reading: keep"
             )
-        new = None
+        new, ends = None, {}
         if name in _names(log):
-            new = _fit(log, name, bound, memory, step=_step_of(old, bound), begins=begins)
+            ends = _ends_of_curves(archive, old, log, name, bound)
+            new = _fit(log, name, bound, memory, step=_step_of(old, bound), ends=ends)
 
         # Track by track, what was there and what is added.
         parts: dict[str, list[CurvePart]] = {id: [] for id in ids}
         for number, id in enumerate(archive.ids):
             parts[id].append(curve_part(archive, number, old))
         for number, track in enumerate(log.tracks):
-            parts[track.id].append(CurvePart(new, number, *_range(log, track, begins)))
+            span = _time_range(log, track, ends.get(track.id, -math.inf))
+            parts[track.id].append(CurvePart(new, number, *span))
         columns[name] = join_columns([parts[id] for id in ids], name)
     return (curves_section(columns),)
 
@@ -212,18 +218,18 @@ def _fit(
     memory: int | None,
     *,
     step: float | None = None,
-    begins: Mapping[str, float] | None = None,
+    ends: Mapping[str, float] | None = None,
 ) -> CurveColumn:
-    """Fit the curves of a column; those of some tracks begin at a later time."""
-    after = begins or {}
+    """Fit the curves of a column; those of some tracks begin after the end of another curve."""
+    known = ends or {}
 
     def slices() -> Iterator[CurveSlice]:
         for each in _slices(log, name):
-            begin = after.get(log.tracks[each.track].id)
-            if begin is None:
+            end = known.get(log.tracks[each.track].id)
+            if end is None:
                 yield each
             else:
-                is_new = each.times >= begin
+                is_new = each.times > end
                 yield CurveSlice(each.track, each.times[is_new], each.values[is_new])
 
     limit = None if memory is None or isinstance(log, MemoryLog) else knots_of_curves(memory)
@@ -234,9 +240,9 @@ def _slices(log: Log, name: str, *, shapes: bool = False) -> Iterator[CurveSlice
     """The samples of all tracks with their values; without ``shapes``, only of those with times."""
     if isinstance(log, MemoryLog):
         for number, track in enumerate(log.tracks):
-            values = track.attributes.get(name)
-            if values is None or not (track.timed or shapes):
-                values = np.full(len(track), np.nan)
+            own = track.attributes.get(name)
+            has_values = own is not None and (track.timed or shapes)
+            values = np.asarray(own) if has_values else np.full(len(track), np.nan)
             yield CurveSlice(number, track.times, values)
         return
 
@@ -259,38 +265,43 @@ def _slices(log: Log, name: str, *, shapes: bool = False) -> Iterator[CurveSlice
             yield CurveSlice(number, times[rows], own if counts else np.full(len(own), np.nan))
 
 
-def _begins(archive: Archive, log: Log) -> dict[str, float]:
-    """First sample of each track that goes on, after its end and its curves in the archive."""
-    begins = {}
-    for track in log.tracks:
-        if not track.timed or track.id not in archive.ids:
-            continue
-        end = _end_of(archive, track.id)
-        near = log.read(track, 0, min(_SAMPLES_NEAR_START, len(track))).times
-        later = near[near > end]
-        begins[track.id] = float(later[0]) if len(later) else float(np.nextafter(end, math.inf))
-    return begins
+def _ends_of_curves(
+    archive: Archive, old: CurveColumn | None, log: Log, name: str, bound: float
+) -> dict[str, float]:
+    """Time up to which the archive has the curve of each track that goes on in a log.
+
+    A part of an archive has the line in which it was cut to its end. That line stays where it is
+    within the bound of the log's samples, as those of the same log are.
+    """
+    if old is None:
+        return {}
+    timed = {track.id for track in log.tracks if track.timed}
+    ends, beyond = {}, {}
+    for number, id in enumerate(archive.ids):
+        if id in timed and len(old.knots[number]):
+            last = float(old.knots[number][-1, 1]) / old.unit
+            ends[id] = min(curve_part(archive, number, None).end, last)
+            if last > ends[id]:
+                beyond[id] = old.curve(number)
+
+    # Lines beyond the end of a track, and the samples there.
+    for each in _slices(log, name) if beyond else ():
+        id = log.tracks[each.track].id
+        if id in beyond:
+            is_there = (each.times > ends[id]) & (each.times <= beyond[id].times[-1])
+            found = beyond[id].at(each.times[is_there])
+            if not (np.abs(found - each.values[is_there].astype(np.float64)) <= bound).all():
+                del beyond[id]
+    return ends | {id: float(curve.times[-1]) for id, curve in beyond.items()}
 
 
-def _end_of(archive: Archive, id: str) -> float:
-    """Time of the last sample of a track in an archive, as exactly as that keeps it."""
-    number = archive.ids.index(id)
-    end = curve_part(archive, number, None).end
-    last = [
-        float(own[-1, 1]) / column.unit
-        for column in archive._curve_columns.values()
-        if len(own := column.knots[number])
-    ]
-    return min(end, max(last, default=end))
-
-
-def _range(log: Log, track: LogTrack, begins: Mapping[str, float]) -> tuple[float, float]:
-    """Seconds of the first sample of a track that is kept, and of its last one."""
+def _time_range(log: Log, track: LogTrack, end: float) -> tuple[float, float]:
+    """Seconds of the first sample of a track after a time, and of its last sample."""
     if not track.timed:
         return 0.0, 0.0
-    begin = begins.get(track.id)
-    if begin is None:
-        begin = float(log.read(track, 0, 1).times[0])
+    near = log.read(track, 0, min(_SAMPLES_NEAR_START, len(track))).times
+    later = near[near > end]
+    begin = float(later[0]) if len(later) else float(np.nextafter(end, math.inf))
     return begin, float(log.read(track, len(track) - 1, len(track)).times[-1])
 
 

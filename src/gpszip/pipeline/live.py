@@ -8,10 +8,15 @@ import os
 import numpy as np
 
 from gpszip.archive import Archive, open_archive
+from gpszip.errors import OptionError
+from gpszip.history.predictor import Predictor
+from gpszip.history.read_route import tell_route
+from gpszip.history.ways import connect_roads
 from gpszip.matching.live import LiveMatcher
 from gpszip.model import Network
 from gpszip.model.grid import step_size
 from gpszip.model.match import Scales
+from gpszip.model.prediction import NextRoad
 
 __all__ = ["Matcher"]
 
@@ -24,6 +29,9 @@ _MAX_SPEED_FACTOR = 3.0
 
 class Matcher(LiveMatcher):
     """Follows one agent over roads or over the map of an archive, sample by sample.
+
+    The roads that may come next have the probabilities of :class:`gpszip.Predictor` on the map of
+    an archive, and those of the angles of their turns on a network.
 
     Parameters
     ----------
@@ -38,11 +46,17 @@ class Matcher(LiveMatcher):
         many samples at different positions.
     gap : float, default 120.0
         Gaps longer than this, in seconds, break the route.
+    predictor : Predictor, optional
+        Predicts the roads that come next, for an archive; by default one of that archive, which
+        takes a few seconds for a large one. Matchers of many agents can share one.
+    agent : str, optional
+        Name of the agent: that of its track in the archive.
 
     Raises
     ------
     OptionError
-        If a network is on a plane of its own and no scales are given.
+        If a network is on a plane of its own and no scales are given, or the predictor knows other
+        edges.
 
     Examples
     --------
@@ -61,11 +75,39 @@ class Matcher(LiveMatcher):
         *,
         lag: int = 100,
         gap: float = 120.0,
+        predictor: Predictor | None = None,
+        agent: str | None = None,
     ) -> None:
+        # The roads of an archive, and what is known of the past on them.
         if not isinstance(map, Network):
             archive = map if isinstance(map, Archive) else open_archive(map)
             map, scales = _roads_and_scales(archive, scales)
+            if predictor is None:
+                predictor = Predictor(archive)
+        if predictor is not None and len(predictor.network) != len(map):
+            raise OptionError(
+                f"the predictor knows {len(predictor.network):,} edges, and the map has "
+                f"{len(map):,}",
+                remedy="give the archive of the predictor",
+            )
         super().__init__(map, scales, lag=lag, gap=gap)
+        self._predictor, self._agent = predictor, agent
+        self._predicted: tuple[int, tuple[NextRoad, ...]] = (-1, ())
+
+    def _roads_after(self, road: int, time: float) -> tuple[NextRoad, ...]:
+        """Roads that may come next: by what followed this route before, else by angles."""
+        if self._predictor is None:
+            return super()._roads_after(road, time)
+
+        # While the agent stays on its road, they are the same.
+        if self._predicted[0] != road:
+            roads = self._best_roads()
+            if not roads or roads[-1] != road:
+                roads = [road]
+            route = connect_roads(roads, self._predictor.exits, self.index.network.lengths)
+            following = self._predictor.next(tell_route(route), time, self._agent)
+            self._predicted = road, tuple(following)
+        return self._predicted[1]
 
 
 def _roads_and_scales(archive: Archive, scales: Scales | None) -> tuple[Network, Scales]:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from gpszip.model.match import Matching
     from gpszip.model.patching import Patching
 
-__all__ = ["match", "patch", "prepare_network", "read_network"]
+__all__ = ["match", "network_for", "patch", "prepare_network", "read_network"]
 
 #: A road network, an archive whose clean map serves as one, or a file of either.
 _Roads: TypeAlias = Network | Archive | str | os.PathLike[str]
@@ -68,7 +68,7 @@ def match(
             progress(Progress("match", done, points))
 
     # Match on roads in memory, or on those of a file that lie near the tracks.
-    near = _network_for(tracks, network)
+    near = network_for(tracks, network)
     report(0.0)
     return match_on_network(
         tracks,
@@ -92,11 +92,11 @@ def patch(
     """Fill gaps with the most likely paths over roads; see :func:`gpszip.patch`."""
     from gpszip.matching.patch import patch as patch_on_network
 
-    roads = _network_for(tracks, network)
+    roads = network_for(tracks, network)
     return patch_on_network(tracks, roads, gap=gap, ignore_oneway=ignore_oneway)
 
 
-def _network_for(tracks: Sequence[Track] | Track, network: _Roads) -> Network:
+def network_for(tracks: Sequence[Track] | Track, network: _Roads) -> Network:
     """The network, read near the tracks where it is a file; of an archive, all edges."""
     from gpszip.io.networks.from_archive import clean_map_network
     from gpszip.io.networks.read import is_archive

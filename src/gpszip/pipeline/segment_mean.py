@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +19,23 @@ from gpszip.pipeline.validate import check_tracks
 from gpszip.run.executor import Executor
 from gpszip.segmentation.memo import Memo
 
+if TYPE_CHECKING:
+    from gpszip.segmentation.em import Problem
+    from gpszip.sketches.coreset import Coreset
+    from gpszip.sketches.stream import CoresetStream
+
 __all__ = [
     "Numbers",
     "Signal",
+    "as_signal",
     "find_likelihood_of",
     "fit_model",
     "follow_model",
     "join_runs",
     "learn_model",
+    "part_rows",
     "segment_mean",
+    "signal_of_coreset",
 ]
 
 #: Fewest segments k up to which the search goes, however short the track is.
@@ -37,33 +48,58 @@ _MOST_SEGMENTS = 300
 #: Most segments m that are searched at first; the same holds.
 _MOST_DISTINCT = 100
 
+#: Decimals of seconds, as everywhere in files.
+_TIME_DECIMALS = 6
+
 #: A number, the least and the greatest of a range, or None where it is searched.
 Numbers = int | tuple[int, int] | None
 
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """Tracks as one sequence of samples.
+    """Tracks as one sequence of samples, or a coreset of some.
 
     Parameters
     ----------
     tracks : tuple of Track
-        The tracks.
+        The tracks; none where only their coreset is at hand.
     joined : Track
-        All their samples.
+        All their samples, or those that stand for the blocks of the coreset.
     begins : int64 array, shape (r,)
         First sample of each run: of a track, or after a gap.
     gap : float
         Longer intervals, in seconds, are gaps; may be infinite.
+    coreset : Coreset, optional
+        What segments are learned from, instead of the samples.
     """
 
     tracks: tuple[Track, ...]
     joined: Track
     begins: NDArray[np.int64]
     gap: float
+    coreset: Coreset | None = None
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The problem of segment means of this signal."""
+        from gpszip.pipeline.coreset_problem import CoresetProblem
+        from gpszip.segmentation.em import Problem
+
+        if self.coreset is None:
+            return Problem(self.joined, self.begins)
+        return CoresetProblem(self.coreset, self.joined if self.tracks else None)
+
+    @property
+    def samples(self) -> int:
+        """Number of samples of the log."""
+        if self.coreset is not None:
+            return self.coreset.samples
+        return len(self.joined)
 
 
-def join_runs(tracks: Sequence[Track] | Track, gap: float | None) -> Signal:
+def join_runs(
+    tracks: Sequence[Track] | Track, gap: float | None, *, coreset: int | None = None
+) -> Signal:
     """Join tracks, and find their gaps.
 
     Parameters
@@ -72,6 +108,8 @@ def join_runs(tracks: Sequence[Track] | Track, gap: float | None) -> Signal:
         On one plane.
     gap : float or None
         Longer intervals, in seconds, are gaps; None to estimate that.
+    coreset : int, optional
+        Learn from a coreset of this many blocks; each run has at least one.
     """
     from gpszip.segmentation.runs import join_tracks
 
@@ -80,17 +118,41 @@ def join_runs(tracks: Sequence[Track] | Track, gap: float | None) -> Signal:
     checked = check_tracks(tracks)
     timed = [track for track in checked if track.timed]
     seconds = estimate_gap(timed) if gap is None else gap
-    return Signal(checked, *join_tracks(checked, find_gaps_of_all(checked, seconds)), seconds)
+    joined, begins = join_tracks(checked, find_gaps_of_all(checked, seconds))
+    blocks = None if coreset is None else _coreset_of_runs(joined, begins, coreset)
+    return Signal(checked, joined, begins, seconds, blocks)
+
+
+def _coreset_of_runs(joined: Track, begins: NDArray[np.int64], size: int) -> Coreset:
+    """Build a coreset with blocks within runs."""
+    from gpszip.sketches.partition import build_coreset
+
+    runs = []
+    for number, (first, after) in enumerate(pairwise([*begins.tolist(), len(joined)])):
+        weights = None if joined.weights is None else joined.weights[first:after]
+        rows = slice(first, after)
+        runs.append(Track(f"{number}", joined.times[rows], joined.positions[rows], weights))
+    coreset = build_coreset(runs, size=max(size, len(runs)))
+    return replace(coreset, plane=joined.plane)
+
+
+def signal_of_coreset(coreset: Coreset) -> Signal:
+    """Return the signal of a coreset whose samples are not at hand."""
+    from gpszip.pipeline.coreset_problem import CoresetProblem
+
+    problem = CoresetProblem(coreset)
+    return Signal((), problem.track, problem.begins, math.inf, coreset)
 
 
 def segment_mean(
-    tracks: Sequence[Track] | Track,
+    tracks: Sequence[Track] | Track | Coreset | CoresetStream,
     k: Numbers = None,
     m: Numbers = None,
     *,
     rmse: float | None = None,
     max_error: float | None = None,
     gap: float | None = math.inf,
+    coreset: int | None = None,
     memo: Memo | None = None,
     executor: Executor | None = None,
     progress: Listener | None = None,
@@ -102,7 +164,7 @@ def segment_mean(
     those left out are the least that hold it.
     """
     return learn_model(
-        join_runs(tracks, gap),
+        as_signal(tracks, gap, coreset),
         k,
         m,
         rmse=rmse,
@@ -111,6 +173,30 @@ def segment_mean(
         executor=executor,
         progress=progress,
     )
+
+
+def as_signal(
+    tracks: Sequence[Track] | Track | Coreset | CoresetStream,
+    gap: float | None,
+    coreset: int | None = None,
+) -> Signal:
+    """Return the signal of tracks or of a coreset.
+
+    Raises
+    ------
+    OptionError
+        If a coreset is to be learned from a coreset of another size.
+    """
+    from gpszip.sketches.coreset import Coreset
+    from gpszip.sketches.stream import CoresetStream
+
+    if not isinstance(tracks, (Coreset, CoresetStream)):
+        return join_runs(tracks, gap, coreset=coreset)
+    if coreset is not None:
+        raise OptionError(
+            "coreset was given with a coreset", remedy="leave it out, or call coreset.reduced(size)"
+        )
+    return signal_of_coreset(tracks if isinstance(tracks, Coreset) else tracks.coreset())
 
 
 def learn_model(
@@ -126,12 +212,11 @@ def learn_model(
 ) -> SegmentMean:
     """Learn the segment mean of a signal; see :func:`segment_mean`."""
     from gpszip.run import resolve_executor
-    from gpszip.segmentation.em import segment_mean as with_both
 
     # Tell the listener a share of this one stage.
     def report(done: float) -> None:
         if progress is not None:
-            progress(Progress("segment mean", done, len(signal.joined)))
+            progress(Progress("segment mean", done, signal.samples))
 
     report(0.0)
     workers = None if executor is None else resolve_executor(executor)
@@ -139,7 +224,7 @@ def learn_model(
     if bounded:
         return _learn_within(signal, k, m, rmse, max_error, workers, report)
     if isinstance(k, int) and isinstance(m, int):
-        return with_both(signal.joined, k, m, signal.begins, executor=workers)
+        return signal.problem.solve(k, m, executor=workers)
     # Pairs (k, m) are solved by threads unless the caller says otherwise.
     return _search(signal, k, m, memo, resolve_executor(executor), report)
 
@@ -160,20 +245,18 @@ def _learn_within(
         raise OptionError("a range of k or m doesn't go with a bound", remedy="give a number")
     if k is None and m is None:
         return shortest_mean_within(
-            signal.joined,
+            signal.problem,
             rmse=rmse,
             max_error=max_error,
-            begins=signal.begins,
             executor=executor,
             report=report,
         )
     return segment_mean_within(
-        signal.joined,
+        signal.problem,
         rmse=rmse,
         max_error=max_error,
         k=k,
         m=m,
-        begins=signal.begins,
         executor=executor,
     )
 
@@ -196,10 +279,9 @@ def _search(
         ks = _parts_range(signal, k, m, most_parts)
         ms = _segments_range(ks, k, m, most_segments)
         found = find_parameters(
-            signal.joined,
+            signal.problem,
             ks,
             ms,
-            begins=signal.begins,
             memo=memo,
             executor=executor,
             report=report,
@@ -216,7 +298,7 @@ def _parts_range(signal: Signal, k: Numbers, m: Numbers, most: int) -> tuple[int
     """Least and greatest k: as given, or from as many as needed to a tenth of the samples."""
     if k is not None:
         return (k, k) if isinstance(k, int) else k
-    n, runs = len(signal.joined), len(signal.begins)
+    n, runs = signal.problem.most, len(signal.begins)
     least = max(runs, 1 if m is None else m if isinstance(m, int) else m[0])
     needed = max(runs, 1 if m is None else m if isinstance(m, int) else m[1])
     # A track of a phone has many runs, each of which has a part.
@@ -241,7 +323,7 @@ def fit_model(
     from gpszip.segmentation.markov import build_markov_model, find_likelihood
 
     found = build_markov_model(mean, signal.joined) if model is None else model
-    return found, find_likelihood(found, mean, signal.joined)
+    return found, find_likelihood(found, mean, signal.joined, signal.samples)
 
 
 def find_likelihood_of(
@@ -271,3 +353,52 @@ def follow_model(model: MarkovModel, signal: Signal) -> SegmentMean:
             remedy="give a log of the same place, on the plane of the segments",
         )
     return label_track(model, joined, signal.begins)
+
+
+def part_rows(signal: Signal, mean: SegmentMean) -> list[dict[str, Any]]:
+    """Return each part with its track, samples, times and cost, by name.
+
+    Samples are counted within the track. Of a coreset, times within blocks are those of even
+    samples, and the costs of parts are not known (None).
+    """
+    from gpszip.segmentation.evaluate import distances
+
+    # Names and sizes of tracks, times and costs of parts.
+    coreset, joined = signal.coreset, signal.joined
+    if signal.tracks or coreset is None:
+        names = [(track.id, track.timed) for track in signal.tracks]
+        sizes = [len(track) for track in signal.tracks]
+        samples = np.concatenate([track.times for track in signal.tracks])
+        starts, ends = samples[mean.boundaries[:-1]], samples[mean.boundaries[1:] - 1]
+        weights = 1.0 if joined.weights is None else joined.weights
+        squares = weights * np.square(distances(mean, joined))
+        costs: list[Any] = np.add.reduceat(squares, mean.boundaries[:-1]).tolist()
+    else:
+        from gpszip.pipeline.coreset_problem import CoresetProblem
+
+        assert isinstance(signal.problem, CoresetProblem)
+        names = [(name, True) for name in coreset.tracks]
+        sizes = np.bincount(coreset.owners, weights=coreset.counts).astype(int).tolist()
+        starts, ends = signal.problem.times(mean)
+        costs = [None] * mean.k
+
+    # Rows.
+    firsts = np.cumsum([0, *sizes])
+    owners = np.searchsorted(firsts, mean.boundaries[:-1], side="right") - 1
+    rows = []
+    for number, (begin, after) in enumerate(pairwise(mean.boundaries.tolist())):
+        name, timed = names[owners[number]]
+        offset = int(firsts[owners[number]])
+        rows.append(
+            {
+                "part": number,
+                "track_id": name,
+                "segment": int(mean.labels[number]),
+                "first": begin - offset,
+                "last": after - 1 - offset,
+                "t_start": round(float(starts[number]), _TIME_DECIMALS) if timed else None,
+                "t_end": round(float(ends[number]), _TIME_DECIMALS) if timed else None,
+                "cost": costs[number],
+            }
+        )
+    return rows

@@ -6,16 +6,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpszip.archive import Archive
 from gpszip.errors import OptionError
+from gpszip.geo.planes import to_plane
 from gpszip.history.collect import TrackSamples, collect_trips
 from gpszip.history.values import Settings
 from gpszip.io.tables.roles import names_accuracy
 from gpszip.model import Track
 from gpszip.model.trips import Trips
 
-__all__ = ["trips_of_archive", "trips_of_log"]
+__all__ = ["places_of_archive", "trips_of_archive", "trips_of_log"]
 
 #: Attribute under which logs are read with the errors that they state.
 _ACCURACY = "accuracy"
@@ -70,6 +72,16 @@ def trips_of_archive(archive: Archive, settings: Settings, timezone: str | None 
     error = 0.0 if archive.error_bound is None else archive.error_bound.metres
     tracks = _ArchiveTracks(archive, accuracy, error)
     return collect_trips(tracks, archive.grid.plane, settings, timezone)
+
+
+def places_of_archive(archive: Archive) -> NDArray[np.float64]:
+    """Centres of the places where a track of an archive stayed, in metres, shape (k, d)."""
+    found = trips_of_archive(archive, Settings(), "UTC")
+    positions = [place.position for place in found.places if place.visits]
+    coordinates = np.array(positions, np.float64).reshape(-1, archive.grid.dimension)
+    if archive.grid.plane is None:
+        return coordinates
+    return to_plane(coordinates[:, 0], coordinates[:, 1], archive.grid.plane)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 from gpszip.errors import BoundError, OptionError
 from gpszip.model import SegmentMean, Track
 from gpszip.run.executor import Executor
-from gpszip.segmentation.em import Problem, SegmentMeanOptions
-from gpszip.segmentation.evaluate import distances
-from gpszip.segmentation.evaluate import rmse as rmse_of
+from gpszip.segmentation.em import Problem, SegmentMeanOptions, as_problem
 
 __all__ = ["Report", "segment_mean_within", "shortest_mean_within"]
 
@@ -28,7 +26,7 @@ Report = Callable[[float], None]
 
 
 def segment_mean_within(
-    track: Track,
+    track: Track | Problem,
     *,
     rmse: float | None = None,
     max_error: float | None = None,
@@ -46,8 +44,8 @@ def segment_mean_within(
 
     Parameters
     ----------
-    track : Track
-        n samples.
+    track : Track or Problem
+        n samples; a problem has its begins and options.
     rmse, max_error : float, optional
         Bounds in metres on the root mean squared and on the largest synchronised distance; at
         least one.
@@ -80,7 +78,7 @@ def segment_mean_within(
     2
     """
     _check_options(rmse, max_error, m)
-    problem = _BoundedProblem(Problem(track, begins, **options), rmse, max_error, executor)
+    problem = _BoundedProblem(as_problem(track, begins, options), rmse, max_error, executor)
     if k is None:
         return _fewest_intervals(problem, m)
     if m is None:
@@ -89,14 +87,15 @@ def segment_mean_within(
     mean = problem.solve(k, segments)
     if mean is None:
         raise BoundError(
-            f"track {track.id!r}: {k} intervals of {segments} segments don't keep the bound",
+            f"track {problem.track.id!r}: {k} intervals of {segments} segments don't keep the "
+            "bound",
             remedy="leave out k or m, or allow a larger error",
         )
     return mean
 
 
 def shortest_mean_within(
-    track: Track,
+    track: Track | Problem,
     *,
     rmse: float | None = None,
     max_error: float | None = None,
@@ -128,10 +127,10 @@ def shortest_mean_within(
     """
     # The fewest intervals with segments of their own.
     _check_options(rmse, max_error, None)
-    problem = _BoundedProblem(Problem(track, begins, **options), rmse, max_error, executor)
+    problem = _BoundedProblem(as_problem(track, begins, options), rmse, max_error, executor)
     tell = report or (lambda _share: None)
     best = _fewest_intervals(problem, None)
-    ks = sorted({min(round(best.k * multiple), len(track)) for multiple in _MULTIPLES})
+    ks = sorted({min(round(best.k * multiple), problem.most) for multiple in _MULTIPLES})
 
     # The fewest segments for that k and for more.
     for done, k in enumerate(ks, 1):
@@ -162,6 +161,11 @@ class _BoundedProblem:
         return self.problem.track
 
     @property
+    def most(self) -> int:
+        """Most intervals."""
+        return self.problem.most
+
+    @property
     def runs(self) -> int:
         """Number of runs, the least k."""
         return len(self.problem.begins)
@@ -169,9 +173,9 @@ class _BoundedProblem:
     def solve(self, k: int, m: int) -> SegmentMean | None:
         """Return the segment mean with k intervals and m segments, or None beyond a bound."""
         mean = self.problem.solve(k, m, executor=self.executor)
-        if self.rmse is not None and rmse_of(mean, self.track) > self.rmse:
+        if self.rmse is not None and self.problem.rmse(mean) > self.rmse:
             return None
-        if self.max_error is not None and distances(mean, self.track).max() > self.max_error:
+        if self.max_error is not None and self.problem.max_error(mean) > self.max_error:
             return None
         return mean
 
@@ -186,10 +190,10 @@ def _fewest_intervals(problem: _BoundedProblem, m: int | float | None) -> Segmen
 
     # With m fixed, to double k could pass over all that fit.
     least = max(problem.runs, m if isinstance(m, int) else 1)
-    mean = _find_least(solve, least, len(problem.track), slowly=isinstance(m, int))
+    mean = _find_least(solve, least, problem.most, slowly=isinstance(m, int))
     if mean is None:
         raise BoundError(
-            f"track {problem.track.id!r}: no number of intervals up to {len(problem.track)} keeps "
+            f"track {problem.track.id!r}: no number of intervals up to {problem.most} keeps "
             "the bound; allow more segments or a larger error"
         )
     return mean

@@ -19,6 +19,8 @@ from gpszip.segmentation import estep
 from gpszip.segmentation.bottom_up import bottom_up, relax_boundaries
 from gpszip.segmentation.clustering import Merges, cut_merges, find_merges, k_means
 from gpszip.segmentation.douglas_peucker import douglas_peucker
+from gpszip.segmentation.evaluate import distances
+from gpszip.segmentation.evaluate import rmse as rmse_of
 from gpszip.segmentation.memo import memo_key
 from gpszip.segmentation.mstep import fit_segments, maximize
 from gpszip.segmentation.state import EMState, to_segment_mean, total_cost
@@ -29,6 +31,7 @@ __all__ = [
     "InitialPartition",
     "Problem",
     "SegmentMeanOptions",
+    "as_problem",
     "segment_mean",
 ]
 
@@ -106,7 +109,9 @@ def segment_mean(
         Method of the initial labels.
     expectation : {'odd-even', 'linear', 'naive', 'exact'}, default 'odd-even'
         Form of the expectation step: of sections 6.3.3, 6.3.2 or 6.3.1, or the best partition of
-        the entire track, which is slower and reaches a lower cost.
+        the entire track for the present segments. That is slower, and each of its steps costs no
+        more than the odd-even one, but the cost at the end may be higher as well as lower: both
+        end at some local minimum.
     iterations : int, default 100
         Most iterations.
     tolerance : float, default 1e-12
@@ -208,6 +213,19 @@ class Problem:
         )
         return other
 
+    @property
+    def most(self) -> int:
+        """Most intervals: as many as samples allow."""
+        return len(self.track) // self.options["min_samples"]
+
+    def rmse(self, mean: SegmentMean) -> float:
+        """Root mean square error of a solution in metres."""
+        return rmse_of(mean, self.track)
+
+    def max_error(self, mean: SegmentMean) -> float:
+        """Largest error of any sample of a solution in metres."""
+        return float(distances(mean, self.track).max())
+
     def key(self) -> str:
         """Hash by which a memo knows the track and the options."""
         options = {**self.options, "begins": self.begins.tolist(), "least_gain": self.least_gain}
@@ -282,6 +300,15 @@ class Problem:
         if k not in self._merges:
             self._merges[k] = find_merges(self.sums, self._partition(k))
         return cut_merges(self._merges[k], m)
+
+
+def as_problem(
+    track: Track | Problem,
+    begins: NDArray[np.int64] | None,
+    options: SegmentMeanOptions,
+) -> Problem:
+    """Return the problem of a track; one that is given stays as it is, with its options."""
+    return track if isinstance(track, Problem) else Problem(track, begins, **options)
 
 
 def _check_sizes(track: Track, runs: int, k: int, m: int, min_samples: int) -> None:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from gpszip.kernels.sums import track_sums
 from gpszip.model import Likelihood, MarkovModel, SegmentMean, Track
 from gpszip.segmentation import estep
-from gpszip.segmentation.evaluate import distances
 from gpszip.segmentation.partition import penalised_partition
 from gpszip.segmentation.state import EMState, to_ticks, total_cost
 
@@ -143,11 +142,24 @@ def _mean_surprise(model: MarkovModel) -> float:
     return max(float(np.average(-np.log(model.probabilities), weights=model.counts)), math.log(2))
 
 
-def find_likelihood(model: MarkovModel, mean: SegmentMean, track: Track) -> Likelihood:
+def find_likelihood(
+    model: MarkovModel, mean: SegmentMean, track: Track, samples: int | None = None
+) -> Likelihood:
     """Return the log-likelihood of a track whose parts follow the segments of a model.
 
     With the distance r of each sample from its position on the segment, and its weight w, samples
-    add ``-w (d log(2 pi sigma^2) + r^2 / sigma^2) / 2``.
+    add ``-w (d log(2 pi sigma^2) + r^2 / sigma^2) / 2``. The sum of w r^2 is the fitting cost.
+
+    Parameters
+    ----------
+    model : MarkovModel
+        The model.
+    mean : SegmentMean
+        Parts on its segments.
+    track : Track
+        The samples, or what stands for them with their weight.
+    samples : int, optional
+        Number of samples; by default that of the track.
 
     Examples
     --------
@@ -158,9 +170,9 @@ def find_likelihood(model: MarkovModel, mean: SegmentMean, track: Track) -> Like
     >>> find_likelihood(model, mean, track).transitions
     0.0
     """
-    weights = np.ones(len(track)) if track.weights is None else track.weights
+    weight = float(len(track) if track.weights is None else track.weights.sum())
     variance = model.sigma**2
     density = track.dimension * math.log(2 * math.pi * variance)
-    squares = np.square(distances(mean, track)) / variance
-    samples = -0.5 * float((weights * (density + squares)).sum())
-    return Likelihood(model.log_probability(mean.labels, mean.heads), samples, len(track))
+    of_samples = -0.5 * (weight * density + mean.cost / variance)
+    of_transitions = model.log_probability(mean.labels, mean.heads)
+    return Likelihood(of_transitions, of_samples, len(track) if samples is None else samples)

@@ -20,7 +20,7 @@ from gpszip.errors import OptionError
 from gpszip.model import SegmentMean, Track
 from gpszip.run.executor import Executor, LocalValue, Serial, SharedValue, share_value
 from gpszip.segmentation.bound import Report
-from gpszip.segmentation.em import Problem, SegmentMeanOptions
+from gpszip.segmentation.em import Problem, SegmentMeanOptions, as_problem
 from gpszip.segmentation.memo import Memo
 
 __all__ = ["FoundParameters", "find_elbow", "find_parameters"]
@@ -62,7 +62,7 @@ class FoundParameters:
 
 
 def find_parameters(
-    track: Track,
+    track: Track | Problem,
     k_range: tuple[int, int],
     m_range: tuple[int, int],
     *,
@@ -82,8 +82,8 @@ def find_parameters(
 
     Parameters
     ----------
-    track : Track
-        n samples.
+    track : Track or Problem
+        n samples; a problem has its begins and options.
     k_range, m_range : (int, int)
         Least and greatest k and m, both included. Only pairs with m <= k are tried.
     begins : int64 array, shape (r,), optional
@@ -102,17 +102,20 @@ def find_parameters(
     OptionError
         If a range is empty or doesn't fit the track.
     """
-    _check_ranges(track, k_range, m_range)
+    problem = as_problem(track, begins, options)
+    _check_ranges(problem, k_range, m_range)
     least_k, greatest_k = k_range
-    search = _Search(track, begins, options, memo or Memo(), report, _expected(k_range, m_range))
+    search = _Search(problem, memo or Memo(), report, _expected(k_range, m_range))
 
     # Inner searches: the elbow over k for each of several m, all at once.
     best_ks: dict[int, int] = {}
 
     # Cost at that k, which stands for m in the outer search.
     def best_costs(ms: list[int]) -> list[float]:
-        steps = [_elbow_steps(max(least_k, m), greatest_k) for m in ms]
-        best_ks.update(zip(ms, _run_together(steps, ms, search.costs), strict=True))
+        # A range of one number asks for it twice.
+        once = list(dict.fromkeys(ms))
+        steps = [_elbow_steps(max(least_k, m), greatest_k) for m in once]
+        best_ks.update(zip(once, _run_together(steps, once, search.costs), strict=True))
         return [search.tried[best_ks[m], m].cost for m in ms]
 
     # Workers get the track and the options once, for all pairs.
@@ -125,7 +128,7 @@ def find_parameters(
     return FoundParameters(mean, evaluated)
 
 
-def _check_ranges(track: Track, k_range: tuple[int, int], m_range: tuple[int, int]) -> None:
+def _check_ranges(problem: Problem, k_range: tuple[int, int], m_range: tuple[int, int]) -> None:
     """Raise OptionError if a range is empty, or they don't fit each other or the track."""
     for name, (least, greatest) in (("k_range", k_range), ("m_range", m_range)):
         if not 1 <= least <= greatest:
@@ -138,9 +141,10 @@ def _check_ranges(track: Track, k_range: tuple[int, int], m_range: tuple[int, in
             f"m may reach {m_range[1]}, but k only {k_range[1]}; k is never below m: "
             "widen k_range or narrow m_range"
         )
-    if k_range[1] > len(track):
+    if k_range[1] > problem.most:
         raise OptionError(
-            f"track {track.id!r} has {len(track)} samples; k can't reach {k_range[1]}"
+            f"track {problem.track.id!r} allows {problem.most} intervals; k can't reach "
+            f"{k_range[1]}"
         )
 
 
@@ -149,23 +153,17 @@ class _Search:
 
     Parameters
     ----------
-    track, begins, options, memo, report
+    problem : Problem
+        The samples.
+    memo, report
         Those of :func:`find_parameters`.
     expected : int
         About how many pairs will be tried.
     """
 
-    def __init__(
-        self,
-        track: Track,
-        begins: NDArray[np.int64] | None,
-        options: SegmentMeanOptions,
-        memo: Memo,
-        report: Report | None,
-        expected: int,
-    ) -> None:
+    def __init__(self, problem: Problem, memo: Memo, report: Report | None, expected: int) -> None:
         # Solutions are known to the memo by a key of the track and the options.
-        self.full = Problem(track, begins, **options)
+        self.full = problem
         self.problem = self.full.stopping_early(_TOLERANCE, _LEAST_GAIN)
         self.key, self.full_key = self.problem.key(), self.full.key()
         self.tried: dict[tuple[int, int], SegmentMean] = {}
@@ -259,7 +257,7 @@ def _run_together(
     ms: list[int],
     costs_of: Callable[[list[tuple[int, int]]], list[float]],
 ) -> list[int]:
-    """Run searches for k, one for each m, so that all numbers that they ask for are solved at once.
+    """Run searches for k, one for each of different m: what they ask for is solved at once.
 
     Returns the k that each of them finds.
     """

@@ -177,7 +177,7 @@ def test_what_did_not_arrive_is_sent_again(monkeypatch):
     assert [batch[0] for _, batch in filter(None, got)] == SAMPLES[:3]
     assert (played.messages, played.repeated) == (3, 2)
     with pytest.raises(OutputError, match="can't be reached: gone"):
-        play(SAMPLES[:3], lambda: Recorder(got, failures=99), float("inf"), workers=2)
+        play(SAMPLES[:3], lambda: Recorder(got, failures=999), float("inf"), workers=2)
 
 
 @contextmanager

@@ -178,8 +178,11 @@ def test_what_an_archive_cannot_take_goes_to_another_one(copy, monkeypatch):
 
     monkeypatch.setattr(append, "append", refuse)
     new = list(drive("a", 100, 20))
-    report = roll_in(copy, new)
+    report = roll_in(copy, new, Options(effort=1))
     assert report.archives == [str(copy / "a-2.gpsz")]
+    # It has the bound of the first one.
+    bounds = [archive.error_bound for _, archive in open_archives(copy / "a.gpsz")]
+    assert bounds[0] == bounds[1]
     assert worst_error(copy, new) <= 15.05
 
 
@@ -211,6 +214,12 @@ def test_robots_have_planes(tmp_path):
     assert np.linalg.norm(found - [fix.position for fix in fixes], axis=1).max() <= 0.1001
 
 
+def test_a_new_archive_needs_a_bound(tmp_path):
+    with pytest.raises(OptionError, match="needs a bound"):
+        roll_in(tmp_path, drive("a", 0, 5), Options(effort=1))
+    assert len(segments(tmp_path / "journal")) == 1
+
+
 def test_an_rmse_alone_gets_a_maximum(tmp_path):
     roll_in(tmp_path, drive("a", 0, 20), Options(rmse=5.0, effort=1))
     assert gpszip.open(tmp_path / "a.gpsz").error_bound.max_error == 20.0
@@ -225,6 +234,16 @@ def test_the_last_segment_belongs_to_its_writer(tmp_path):
     assert roll(tmp_path / "journal", tmp_path / "a.gpsz", OPTIONS).fixes == 10
     journal.close()
     assert len(segments(tmp_path / "journal")) == 1
+
+
+def test_segments_without_fixes_are_deleted(tmp_path):
+    for number, data in enumerate(
+        [b"", b"gpszip jour", b"gpszip journal 1\n", b"gpszip journal 1\nx"]
+    ):
+        (tmp_path / f"{number + 1:08}.log").write_bytes(data)
+    report = roll(tmp_path, tmp_path / "a.gpsz", Options())
+    assert (report.segments, report.fixes, report.archives) == (4, 0, [])
+    assert segments(tmp_path) == []
 
 
 def test_one_process_archives_a_journal(tmp_path):

@@ -265,4 +265,7 @@ def coordinate_names(kind: CoordinateKind) -> str:
     >>> coordinate_names(CoordinateKind(geographic=False, dimension=2))
     'x,y'
     """
-    return "lat,lon" if kind.geographic else ",".join("xyz"[: kind.dimension])
+    if kind.geographic:
+        return "lat,lon"
+    names = [*"xyz", *(f"x{axis}" for axis in range(4, kind.dimension + 1))]
+    return ",".join(names[: kind.dimension])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple, TypedDict
@@ -26,6 +27,7 @@ from gpszip.io.logs.memory_rows import MemoryRows
 from gpszip.io.logs.raw import HEIGHT, Request
 from gpszip.io.logs.rows import Floats, LogRows, begins_run, concatenate_rows
 from gpszip.io.logs.shapes import measure_points, repeated_points_repair
+from gpszip.io.logs.weights import weigh
 from gpszip.io.tables.roles import parse_columns
 from gpszip.model import Plane, Track
 from gpszip.model.read_result import ReadResult, Repair
@@ -56,6 +58,7 @@ class ReadOptions(TypedDict, total=False):
     frame: str | None
     times_file: str | Path | None
     rate: float | None
+    weight: str | None
 
 
 def parse_options(options: ReadOptions) -> tuple[Request, CleaningOptions]:
@@ -163,6 +166,7 @@ def read_logs(
     frame: str | None = None,
     times_file: str | Path | None = None,
     rate: float | None = None,
+    weight: str | None = None,
 ) -> ReadResult:
     r"""Read position logs.
 
@@ -221,6 +225,8 @@ def read_logs(
         File with a time in each line, for KITTI's poses.
     rate : float, optional
         Poses in a second, for KITTI's poses.
+    weight : str, optional
+        Column of the weights of the points, positive numbers; all weigh 1 where left out.
 
     Returns
     -------
@@ -260,6 +266,13 @@ def read_logs(
         "times_file": times_file,
         "rate": rate,
     }
+    if weight is not None:
+        # Weights are read as an attribute, and become what they are in the end.
+        names = (keep,) if isinstance(keep, str) else tuple(keep)
+        options["keep"] = (*(name for name in names if name != weight), weight)
+        options["format"] = format
+        result = read_logs(sources, **options)
+        return replace(result, tracks=tuple(weigh(track, weight) for track in result.tracks))
     request, cleaning = parse_options(options)
 
     # Read and clean all files, and put together the rows of each track.

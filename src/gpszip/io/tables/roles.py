@@ -135,6 +135,9 @@ _UNITS = {
 #: A name that ends with a unit.
 _UNIT = re.compile(rf"(.+)_({'|'.join(_UNITS)}|m|deg|degrees|metres|meters)")
 
+#: A role of a coordinate by its number.
+_NUMBERED = re.compile(r"x\d{1,3}")
+
 #: Number of names that messages show.
 _MAX_SHOWN_NAMES = 20
 
@@ -154,7 +157,7 @@ class Roles:
     time : tuple of int
         Time; two columns for a date and a time of day, none for a table of shapes.
     axes : tuple of int
-        Coordinates: lat, lon or x, y[, z].
+        Coordinates: lat, lon or x, y[, z[, x4, ...]] or x0, x1, ...
     geographic : bool
         Whether coordinates are degrees.
     id : int, optional
@@ -205,8 +208,8 @@ def find_roles(
     names : sequence of str
         Names of the columns in the log.
     columns : mapping of str to str, optional
-        Columns for some roles (``id``, ``t``, ``x``, ``y``, ``z``, ``lat``, ``lon``, ``heading``),
-        which override synonyms.
+        Columns for some roles (``id``, ``t``, ``x``, ``y``, ``z``, ``x0``, ``x1``, ..., ``lat``,
+        ``lon``, ``heading``), which override synonyms.
     keep : sequence of str
         Attributes to keep.
     where : str
@@ -242,15 +245,16 @@ def find_roles(
 
     # A column that the user has given overrides synonyms, whose order is their rank.
     def find(role: str, synonyms: Sequence[str]) -> int | None:
-        if role in fixed:
-            return fixed[role]
+        # Who numbers some axes means no others.
+        if role in fixed or (_NUMBERED.fullmatch(role) and any(map(_NUMBERED.fullmatch, fixed))):
+            return fixed.get(role)
         index = next((free[word] for word in synonyms if word in free), None)
         return None if index is None else _require_unique(names, index, where)
 
     # The position: degrees if there are any, unless x or y was given.
     geographic = False
-    axes = [find(role, _AXES[role]) for role in ("x", "y", "z")]
-    if not fixed.keys() & {"x", "y"}:
+    axes = _find_axes(find)
+    if not fixed.keys() & {"x", "y", "x0", "x1"}:
         degrees = [find(role, _AXES[role]) for role in ("lat", "lon")]
         geographic = None not in degrees or None in axes[:2]
         axes = degrees if geographic else axes
@@ -283,6 +287,29 @@ def find_roles(
     if not geographic:
         return roles
     return replace(roles, hemispheres=_find_hemispheres(names, roles, find, cells, where))
+
+
+def _find_axes(find: Callable[[str, Sequence[str]], int | None]) -> list[int | None]:
+    """Columns of the coordinates in metres: x, y, z, x4, x5, ..., or x0, x1, x2, ...
+
+    The former are the names that GPSZip writes. Without x and y, their columns are None.
+    """
+    # Numbered from 0.
+    axes = [find(role, _AXES[role]) for role in ("x", "y", "z")]
+    numbered = _find_numbered(find, 0)
+    if None in axes[:2] and len(numbered) > 1:
+        return list(numbered)
+
+    # Further ones follow z.
+    return axes if None in axes else [*axes, *_find_numbered(find, len(axes) + 1)]
+
+
+def _find_numbered(find: Callable[[str, Sequence[str]], int | None], first: int) -> list[int]:
+    """Columns x4, x5, ... from a number on, as far as there are some."""
+    found: list[int] = []
+    while (index := find(f"x{first + len(found)}", (f"x{first + len(found)}",))) is not None:
+        found.append(index)
+    return found
 
 
 def parse_columns(
@@ -495,9 +522,14 @@ def _canonical_role(role: str) -> str:
     known = {axis: axis for axis in _AXES}
     known |= {"id": "id", "track_id": "id", "t": "t", "time": "t", "timestamp": "t"}
     known |= {"latitude": "lat", "longitude": "lon", "lng": "lon", "heading": "heading"}
-    if role.strip().lower() not in known:
-        raise OptionError(f"--columns: {role!r} is not one of id, t, x, y, z, lat, lon, heading")
-    return known[role.strip().lower()]
+    name = role.strip().lower()
+    if _NUMBERED.fullmatch(name):
+        return name
+    if name not in known:
+        raise OptionError(
+            f"--columns: {role!r} is not one of id, t, x, y, z, x0, x1, ..., lat, lon, heading"
+        )
+    return known[name]
 
 
 def _list_names(names: Sequence[str]) -> str:

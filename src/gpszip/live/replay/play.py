@@ -17,10 +17,10 @@ from gpszip.model import Track
 __all__ = ["Played", "Target", "play", "samples_of"]
 
 #: Seconds between attempts to send, at first and at most; it doubles.
-_RETRY_SECONDS = (0.2, 10.0)
+_RETRY_SECONDS = (0.2, 2.0)
 
-#: Attempts until a target counts as gone.
-_MAX_ATTEMPTS = 8
+#: Attempts until a target counts as gone: about two minutes, in which a server may start again.
+_MAX_ATTEMPTS = 60
 
 #: Seconds by which samples may be early to go into one message.
 _BATCH_SECONDS = 0.5

@@ -13,7 +13,10 @@ from urllib.parse import SplitResult
 from gpszip.errors import OutputError
 from gpszip.live.replay.messages import BATCHES, Sample, app_message, nmea_sentences
 
-__all__ = ["DatagramTarget", "HttpTarget", "StreamTarget", "accept_client"]
+__all__ = ["DatagramTarget", "HttpTarget", "MqttTarget", "StreamTarget", "accept_client"]
+
+#: Signs that levels of topics don't have, and what stands for them.
+_TOPIC_SIGNS = str.maketrans({"/": "-", "+": "-", "#": "-", "\0": "-"})
 
 #: Seconds until a server that does not answer counts as gone.
 _TIMEOUT = 60.0
@@ -79,6 +82,48 @@ def _joined(url: SplitResult, path: str) -> str:
     own, _, query = path.partition("?")
     queries = "&".join(part for part in (url.query, query) if part)
     return f"{url.path.rstrip('/') + own or '/'}{'?' if queries else ''}{queries}"
+
+
+class MqttTarget:
+    """Publishes the messages of OwnTracks; the topic of a track is ``BASE/replay/TRACK``.
+
+    Parameters
+    ----------
+    url : SplitResult
+        ``mqtt://`` or ``mqtts://``, host, port, and the base of topics.
+    """
+
+    max_samples = 1
+
+    def __init__(self, url: SplitResult) -> None:
+        from gpszip.live.sources.mqtt import client_for, require_paho
+
+        require_paho("--to mqtt://")
+        self._base = url.path.strip("/") or "owntracks"
+        self._client, host, port = client_for(url.geturl(), "")
+        try:
+            self._client.connect(host, port)
+        except OSError as error:
+            raise OutputError(f"can't be reached: {error}", path=url.geturl()) from error
+        self._client.loop_start()
+
+    def send(self, samples: Sequence[Sample]) -> None:
+        """Publish a message, and wait until the broker has it."""
+        for sample in samples:
+            message = app_message("owntracks", [sample])
+            level = sample.track.translate(_TOPIC_SIGNS)
+            sent = self._client.publish(f"{self._base}/replay/{level}", message.body, qos=1)
+            try:
+                sent.wait_for_publish(_TIMEOUT)
+            except RuntimeError as error:
+                raise OSError(str(error)) from error
+            if not sent.is_published():
+                raise OSError("the broker does not answer")
+
+    def close(self) -> None:
+        """End the connection."""
+        self._client.disconnect()
+        self._client.loop_stop()
 
 
 class DatagramTarget:

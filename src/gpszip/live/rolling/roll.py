@@ -161,13 +161,16 @@ def _roll_batch(
     tail = Tail()
     fixes, geographic = read_fixes(paths, tail)
     report.damaged += tail.damaged
+    if not fixes:
+        return
     archives = open_archives(target)
     _check_kind(archives, geographic=geographic)
     unknown = _unknown(archives, fixes)
     report.fixes += _count(fixes)
     report.known += _count(fixes) - _count(unknown)
 
-    # Append to each archive what it can take; a new one takes the rest.
+    # Append to each archive what it can take; a new one with the bound of the first takes the rest.
+    options = _with_bound(options, archives, target)
     rest = unknown
     for name, archive in archives:
         near, far = _divide(archive, rest)
@@ -181,6 +184,29 @@ def _roll_batch(
 
     # The proof reads the files.
     _prove(open_archives(target), fixes, unknown)
+
+
+def _with_bound(
+    options: Options, archives: Sequence[tuple[Path, Archive]], target: Path
+) -> Options:
+    """Return options with a bound: one that is given, or that of the first archive.
+
+    Raises
+    ------
+    OptionError
+        If there is neither: the first fixes of a log, when all are parked, say nothing about it.
+    """
+    if options.max_error is not None:
+        return options
+    if options.rmse is not None:
+        return replace(options, max_error=_MAX_PER_RMSE * options.rmse)
+    bound = archives[0][1].error_bound if archives else None
+    if bound is None:
+        raise OptionError(
+            f"{target}: a new archive needs a bound", remedy="add --rmse, such as --rmse 5m"
+        )
+    largest = largest_error(bound)
+    return replace(options, rmse=None if bound.maximum else bound.metres, max_error=largest)
 
 
 def _count(fixes: Fixes) -> int:
@@ -275,8 +301,6 @@ def _compress(
 
     dimension = min(each.coordinates.shape[1] for each in fixes.values())
     tracks = tracks_on(fixes, plane_of(fixes) if geographic else None, dimension)
-    if options.rmse is not None and options.max_error is None:
-        options = replace(options, max_error=_MAX_PER_RMSE * options.rmse)
     return compress(tracks, options, progress=progress)[0]
 
 

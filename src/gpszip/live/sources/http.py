@@ -44,6 +44,10 @@ _MAX_QUERY_BYTES = 8_192
 #: Fields of a query or form.
 _MAX_FIELDS = 200
 
+#: Bytes from which a body is large, and how many of these are taken at once: 32 MiB in all.
+_LARGE_BYTES = 1 << 16
+_MAX_LARGE = 16
+
 #: Seconds that a body may take.
 _BODY_SECONDS = 30.0
 
@@ -118,6 +122,7 @@ class HttpSource:
         _require_packages()
         self._notices, self._token, self._timezone = notices, token, timezone
         self._health = health or dict
+        self._large = asyncio.Semaphore(_MAX_LARGE)
         self._socket = _bind(host, port)
         bound = self._socket.getsockname()
         self.address = f"[{bound[0]}]:{bound[1]}" if ":" in bound[0] else f"{bound[0]}:{bound[1]}"
@@ -159,12 +164,10 @@ class HttpSource:
 
     async def _answer(self, request: Request, receiver: Receiver) -> Response:
         """Answer a request."""
-        from starlette.requests import ClientDisconnect
-        from starlette.responses import JSONResponse, PlainTextResponse, Response
+        from starlette.responses import JSONResponse, PlainTextResponse
 
         # Monitors need no token: they see counts only.
-        path = request.url.path.strip("/")
-        if path == "health":
+        if request.url.path.strip("/") == "health":
             return JSONResponse(self._report())
 
         # The token first, then the body.
@@ -176,8 +179,26 @@ class HttpSource:
             await asyncio.sleep(_PAUSE_SECONDS)
             challenge = {"WWW-Authenticate": 'Basic realm="gpszip"'}
             return PlainTextResponse("wrong token\n", 401, headers=challenge)
+        turn = self._large if _is_large(headers) else contextlib.nullcontext()
+        async with turn:
+            return await self._take(request, query, headers, user, receiver)
+
+    async def _take(
+        self,
+        request: Request,
+        query: Mapping[str, str],
+        headers: Mapping[str, str],
+        user: str,
+        receiver: Receiver,
+    ) -> Response:
+        """Read a body, store what is in it, and answer."""
+        from starlette.requests import ClientDisconnect
+        from starlette.responses import PlainTextResponse, Response
+
+        # The body may be large, slow, or cut off.
         try:
-            body = await asyncio.wait_for(_read_body(request), _BODY_SECONDS)
+            async with asyncio.timeout(_BODY_SECONDS):
+                body = await _read_body(request)
         except (TimeoutError, ClientDisconnect):
             self._notices.note("requests that were not sent to their end left out")
             return PlainTextResponse("the body takes too long\n", 408)
@@ -186,6 +207,7 @@ class HttpSource:
             return PlainTextResponse(f"at most {_MAX_BODY_BYTES:,} bytes\n", 413)
 
         # Store, and answer as the app expects.
+        path = request.url.path.strip("/")
         message = _Message(path, query, headers, body, user)
         app, items = self._parse(message)
         try:
@@ -318,6 +340,14 @@ def _basic(credentials: str) -> tuple[str, str]:
         return "", ""
     user, _, password = text.partition(":")
     return user, password
+
+
+def _is_large(headers: Mapping[str, str]) -> bool:
+    """Whether a body may be large: it says so, or does not say how large it is."""
+    declared = headers.get("content-length", "")
+    return "transfer-encoding" in headers or (
+        declared.isdecimal() and int(declared[:20]) > _LARGE_BYTES
+    )
 
 
 async def _read_body(request: Request) -> bytes | None:

@@ -12,13 +12,13 @@ from gpszip.live.fix import Fix, Unusable
 from gpszip.live.formats.values import Context
 from gpszip.live.source import Receiver
 
-__all__ = ["LineParser", "store_lines", "store_patiently"]
+__all__ = ["IDLE_SECONDS", "LineParser", "read_stream_lines", "store_lines", "store_patiently"]
 
 #: Lines that are stored together: a file is read much faster than it is flushed to disk.
 _MAX_LINES = 2_000
 
 #: Seconds without a line after which the last epoch of a receiver is complete.
-_IDLE_SECONDS = 0.2
+IDLE_SECONDS = 0.2
 
 #: Seconds between attempts to store what could not be stored.
 _RETRY_SECONDS = 5.0
@@ -95,7 +95,8 @@ async def read_stream_lines(
     rest = b""
     while True:
         try:
-            chunk = await asyncio.wait_for(stream.read(1 << 16), _IDLE_SECONDS)
+            async with asyncio.timeout(IDLE_SECONDS):
+                chunk = await stream.read(1 << 16)
         except TimeoutError:
             yield []
             continue

@@ -6,15 +6,14 @@ import asyncio
 import os
 import threading
 from collections.abc import AsyncIterator, Mapping
-from concurrent.futures import CancelledError
 from datetime import UTC, tzinfo
 
 from gpszip.live.formats.text import TextParser
 from gpszip.live.formats.values import Context
 from gpszip.live.source import Receiver
-from gpszip.live.sources.lines import store_lines
+from gpszip.live.sources.lines import IDLE_SECONDS, store_lines
 
-__all__ = ["StreamSource"]
+__all__ = ["StreamSource", "read_descriptor_lines"]
 
 #: Bytes of a line; longer ones are cut.
 _MAX_LINE_BYTES = 1 << 20
@@ -59,36 +58,40 @@ class StreamSource:
         def make_context(received: float) -> Context:
             return Context(received, "stdin", "", self._timezone)
 
-        await store_lines(_read_lines(self._descriptor), parser, receiver, make_context)
+        await store_lines(read_descriptor_lines(self._descriptor), parser, receiver, make_context)
 
 
-async def _read_lines(descriptor: int) -> AsyncIterator[list[bytes]]:
+async def read_descriptor_lines(descriptor: int) -> AsyncIterator[list[bytes]]:
     """Yield lines of a descriptor, and an empty list where none comes for a while."""
     # A thread of its own reads: files can't be waited for in the event loop, and a thread of the
     # pool would keep the program from ending.
     loop = asyncio.get_running_loop()
-    queue: asyncio.Queue[bytes] = asyncio.Queue(_QUEUE_CHUNKS)
+    queue: asyncio.Queue[bytes] = asyncio.Queue()
+    space = threading.Semaphore(_QUEUE_CHUNKS)
 
     def read() -> None:
         chunk = b"?"
         while chunk:
+            space.acquire()
             try:
                 chunk = os.read(descriptor, 1 << 16)
             except OSError:  # a terminal that is gone
                 chunk = b""
             try:
-                asyncio.run_coroutine_threadsafe(queue.put(chunk), loop).result()
-            except (RuntimeError, CancelledError):  # the loop has ended
+                loop.call_soon_threadsafe(queue.put_nowait, chunk)
+            except RuntimeError:  # the loop has ended
                 return
 
     threading.Thread(target=read, daemon=True).start()
     rest = b""
     while True:
         try:
-            chunk = await asyncio.wait_for(queue.get(), 0.2)
+            async with asyncio.timeout(IDLE_SECONDS):
+                chunk = await queue.get()
         except TimeoutError:
             yield []
             continue
+        space.release()
         if not chunk:
             break
         *lines, rest = (rest + chunk).split(b"\n")
