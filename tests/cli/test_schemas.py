@@ -26,7 +26,7 @@ ROADS = {
 
 
 @pytest.fixture
-def files(log, walk_archive, archive, tmp_path):
+def files(gpszip, log, walk_archive, archive, tmp_path):
     """A log on the square of some roads, an archive of it, and others."""
     (tmp_path / "roads.geojson").write_text(json.dumps(ROADS))
     # A log with a gap, with rows that are dropped, and with columns.
