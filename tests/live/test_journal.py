@@ -5,7 +5,7 @@ import threading
 import zlib
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError, OutputError
@@ -13,6 +13,7 @@ from gpszip.live import Fix, Journal
 from gpszip.live import journal as module
 from gpszip.live.journal import Tail, archived_until, mark_archived, read_segment, segments
 from live.running import stored
+from random_tests import examples
 
 
 def fix(number, agent="bus"):
@@ -47,7 +48,7 @@ def written(folder, batches=((FIXES[:2]), (FIXES[2:]))):
     return path
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(st.lists(any_fix, max_size=5))
 def test_fixes_come_back_exactly(tmp_path_factory, fixes):
     folder = tmp_path_factory.mktemp("journal")
