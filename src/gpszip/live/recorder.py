@@ -116,7 +116,7 @@ class Recorder:
             except OutputError as failed:
                 error = failed
             except Exception as failed:  # senders must never wait for an answer in vain
-                error = OutputError(f"{type(failed).__name__}: {failed}")
+                error = OutputError(str(failed), location=type(failed).__name__)
             self._conclude(fixes, error)
             for _, done in taken:
                 if not done.cancelled():

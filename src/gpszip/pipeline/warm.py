@@ -38,6 +38,7 @@ def _call(task: Callable[[], None]) -> None:
 
 def _learn_maps() -> None:
     _code_walks()
+    _code_curves()
     _compress()
     _find_waypoints()
     _segment_mean()
@@ -62,6 +63,15 @@ def _code_walks() -> None:
     walks = GridWalks(square, (walk, walk))
     encode_with_statistics(walks)
     decode(encode_smallest(walks), 2, 2)
+
+
+def _code_curves() -> None:
+    from gpszip.archive.curves import curves_section, read_curves
+    from gpszip.codec.curves import fit_column
+
+    column = fit_column([np.arange(3.0)], [np.array([5.0, 6.0, 5.0])], 0.5)
+    section = curves_section({"ele": column})
+    read_curves(section.kind, bytes(section.body), 1)
 
 
 def _compress() -> None:

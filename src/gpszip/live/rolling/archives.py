@@ -104,7 +104,7 @@ def check_archive(archive: Archive, path: Path) -> None:
     }
     for reason, holds in reasons.items():
         if holds:
-            raise OptionError(f"{path}: {reason}", remedy="name another archive with --archive")
+            raise OptionError(reason, path=str(path), remedy="name another archive with --archive")
 
 
 def largest_error(bound: ErrorBound | None) -> float | None:

@@ -203,7 +203,9 @@ def _with_bound(
     bound = archives[0][1].error_bound if archives else None
     if bound is None:
         raise OptionError(
-            f"{target}: a new archive needs a bound", remedy="add --rmse, such as --rmse 5m"
+            "a new archive needs a bound",
+            path=str(target),
+            remedy="add --rmse, such as --rmse 5m",
         )
     largest = largest_error(bound)
     return replace(options, rmse=None if bound.maximum else bound.metres, max_error=largest)
@@ -219,7 +221,8 @@ def _check_kind(archives: Sequence[tuple[Path, Archive]], *, geographic: bool) -
         if (archive.grid.plane is not None) != geographic:
             kinds = ("degrees", "metres") if geographic else ("metres", "degrees")
             raise OptionError(
-                f"{name}: the journal is in {kinds[0]}, the archive in {kinds[1]}",
+                f"the journal is in {kinds[0]}, the archive in {kinds[1]}",
+                path=str(name),
                 remedy="name another archive with --archive",
             )
 
@@ -336,4 +339,4 @@ def _prove(archives: Sequence[tuple[Path, Archive]], fixes: Fixes, new: Fixes) -
         held = np.concatenate([*distances, np.zeros(0)])
         held = held[held <= limit * (1 + _ROUNDING)]
         if len(held) and np.sqrt(np.mean(held**2)) > bound.metres * (1 + _ROUNDING):
-            raise BoundError(f"{name}: the RMSE of new fixes is beyond the bound")
+            raise BoundError("the RMSE of new fixes is beyond the bound", path=str(name))
