@@ -156,6 +156,8 @@ def test_a_taxi_without_roads_is_not_patched():
     track = taxis(1, points=60).tracks[0]
     outcome = figure_8_5.run(Setting((track,), rmse=300.0, quick=True))
     assert "not patched" in outcome.notes[0]
+    legend = outcome.pictures[0].figure.legends[0]
+    assert legend.get_texts()[0].get_text() == "60 points"
 
 
 def test_a_merged_archive_is_smaller_than_both():

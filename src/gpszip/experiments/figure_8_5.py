@@ -37,10 +37,10 @@ _ROAD = 0.6
 def run(setting: Setting) -> Outcome:
     """Draw the map of the thesis's pipeline at each error, over the roads if they are known."""
     # The taxi or the user's first track, patched where roads are known.
-    samples = _QUICK if setting.quick else _SAMPLES
-    log = taxis(1, points=samples, seed=setting.seed)
+    count = _QUICK if setting.quick else _SAMPLES
+    log = taxis(1, points=count, seed=setting.seed)
     recorded = setting.logs[0] if setting.logs else log.tracks[0]
-    recorded = first_samples(recorded, samples) if setting.quick else recorded
+    recorded = first_samples(recorded, count) if setting.quick else recorded
     network = setting.network if setting.logs else log.network
     track = recorded if network is None else patched(recorded, network, _INTERVAL)
 
@@ -48,11 +48,12 @@ def run(setting: Setting) -> Outcome:
     bounds = dict.fromkeys(target_rmse(setting, track, published) for published in _RMSES)
     results = {f"{rmse:.3g}m": run_thesis(track, rmse) for rmse in bounds}
     roads, frame = _roads(network, track), [track.positions]
+    samples = frame if network is None else []
     pictures = tuple(
         Picture(
             name,
-            f"The map of {result.nodes} nodes over the true roads, RMSE {result.rmse:.0f} m.",
-            draw_layers([], [*roads, *thesis_layers(result)], frame=frame),
+            f"The map of {result.nodes} nodes, RMSE {result.rmse:.0f} m.",
+            draw_layers(samples, [*roads, *thesis_layers(result)], frame=frame),
         )
         for name, result in results.items()
     )
@@ -63,7 +64,7 @@ def run(setting: Setting) -> Outcome:
     archive, _ = compress([track], options)
     lines = Lines("map of the archive", archive_lines(archive), EDGE_COLOR)
     caption = f"The map of the archive, {archive.size:,} bytes, RMSE {rmse:.3g} m."
-    figure = draw_layers([], [*roads, lines], frame=frame)
+    figure = draw_layers(samples, [*roads, lines], frame=frame)
     pictures = (*pictures, Picture(f"archive-{rmse:.3g}m", caption, figure))
     notes = (
         f"Recorded: {len(recorded):,} samples; patched along roads: {len(track):,}."
