@@ -43,7 +43,7 @@ PAGES = {
     "docs/notebooks.md": ("monday", "tuesday", "fleet"),
     "docs/qgis.md": ("fleet",),
     "docs/known-maps.md": (),
-    "docs/history.md": ("fleet", "monday", "tuesday"),
+    "docs/history.md": ("fleet", "night", "monday", "tuesday"),
     "docs/map.md": ("fleet",),
     "docs/coreset.md": (),
     "docs/generators.md": (),
@@ -63,7 +63,7 @@ PAGES = {
 NEEDS = {"docs/robots.md": "rosbags", "docs/phones.md": "fitdecode"}
 
 #: The log of each archive that pages begin with.
-LOGS = {"patrol": "patrol.csv", "walks": "walks/walk.gpx"}
+LOGS = {"patrol": "patrol.csv", "night": "night.csv", "walks": "walks/walk.gpx"}
 
 #: Files that a page writes itself.
 WRITTEN = {"docs/index.md": "walks.csv"}
@@ -217,6 +217,11 @@ def write_files():
         write_tracks([log], f"{name}.csv")
     table = Path("patrol.csv").read_text().splitlines()
     Path("odometry.csv").write_text("\n".join(["id,stamp,px,py", *table[1:]]))
+
+    # A guard's rounds, two minutes each.
+    corners = [[0, 0], [90, 0], [90, 60], [0, 60]] * 40
+    times = START + 30.0 * np.arange(len(corners))
+    write_tracks([gpszip.Track("guard", times, np.array(corners, float))], "night.csv")
 
     # A bag of ROS 2, where its extra is installed.
     if find_spec("rosbags"):

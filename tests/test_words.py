@@ -61,6 +61,7 @@ EXCEPTIONS = {
 }
 
 WORDS = {re.compile(rf"\b(?:{word})\b", re.IGNORECASE): new for word, new in RETIRED.items()}
+ANY_WORD = re.compile(rf"\b(?:{'|'.join(RETIRED)})\b", re.IGNORECASE)
 SOURCES = sorted((ROOT / "src").rglob("*.py"))
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
@@ -88,7 +89,9 @@ def offences(path: Path, lines):
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT / "src")))
 def test_code_speaks_the_words_of_the_field(path):
-    assert not list(offences(path, texts_of(path)))
+    # Only the few modules that hold a retired word somewhere are split into tokens.
+    if ANY_WORD.search(path.read_text().replace("_", " ")):
+        assert not list(offences(path, texts_of(path)))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -98,3 +101,4 @@ def test_documentation_speaks_the_words_of_the_field(page):
 
 def test_the_list_finds_a_retired_word():
     assert list(offences(ROOT / "README.md", [(1, "quanta of the lattice")]))
+    assert ANY_WORD.search("the quanta of it")

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         open_coreset,
         patch,
         read,
+        rounds,
         route,
         save_coreset,
         segment_mean,
@@ -93,6 +94,7 @@ if TYPE_CHECKING:
     from gpszip.model.merge_report import Deviation, MergeReport
     from gpszip.model.prediction import LikelyNode, LikelyRoute, NextRoad, TripArrival
     from gpszip.model.read_result import Loss, OtherFiles
+    from gpszip.model.rounds import EdgeVisits, Round, Rounds
     from gpszip.model.trips import Place, Stay, Trip, Trips
     from gpszip.model.unusual import Anomaly, Unusual, UnusualTrip
     from gpszip.pipeline.live import Matcher
@@ -137,6 +139,7 @@ __all__ = [
     "DirectedEdges",
     "Distances",
     "EdgeTransitions",
+    "EdgeVisits",
     "ErrorBound",
     "Executor",
     "FarPlace",
@@ -179,6 +182,8 @@ __all__ = [
     "Repair",
     "Report",
     "RoadMap",
+    "Round",
+    "Rounds",
     "Route",
     "RouteLikelihood",
     "Scales",
@@ -236,6 +241,7 @@ __all__ = [
     "plot",
     "polyline",
     "read",
+    "rounds",
     "route",
     "save_coreset",
     "segment_mean",
@@ -287,6 +293,7 @@ _HOMES = {
         "open_coreset",
         "patch",
         "read",
+        "rounds",
         "route",
         "save_coreset",
         "segment_mean",
@@ -382,6 +389,11 @@ _HOMES = {
         "TripArrival",
     ),
     "gpszip.model.read_result": ("Loss", "OtherFiles"),
+    "gpszip.model.rounds": (
+        "EdgeVisits",
+        "Round",
+        "Rounds",
+    ),
     "gpszip.model.trips": (
         "Place",
         "Stay",

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from gpszip.model.difference import Difference
     from gpszip.model.match import Matching
     from gpszip.model.patching import Patching
+    from gpszip.model.rounds import Rounds
     from gpszip.model.trips import Trips
     from gpszip.model.unusual import Unusual
     from gpszip.pipeline.diff import Side
@@ -70,6 +71,7 @@ __all__ = [
     "open_coreset",
     "patch",
     "read",
+    "rounds",
     "route",
     "save_coreset",
     "segment_mean",
@@ -864,6 +866,43 @@ def route(
         timezone=timezone,
     )
     return plan.routes
+
+
+def rounds(source: Archive | Logs, *, since: Times | None = None) -> Rounds:
+    """Find the usual round of a patrol, and compare all rounds with it.
+
+    Parameters
+    ----------
+    source : Archive, path, Track, or sequence of Track or path
+        As for :func:`usage`; of one agent, or of several with the same round.
+    since : time, optional
+        Only rounds and visits from this time on are told; the usual round is that of all. A time
+        as for :meth:`Archive.position`.
+
+    Returns
+    -------
+    Rounds
+        The usual round, all rounds with their scores, and the visits of edges.
+
+    Raises
+    ------
+    InputError, CorruptArchiveError
+        If a file can't be read, nothing moves in it, or travel doesn't repeat in rounds.
+
+    Examples
+    --------
+    >>> corners = [[0, 0], [90, 0], [90, 60], [0, 60]]
+    >>> guard = Track("guard", [30.0 * i for i in range(41)], [*corners * 10, [0, 0]])
+    >>> found = rounds(guard)
+    >>> len(found.rounds), found.rounds[0].share
+    (10, 1.0)
+    """
+    from gpszip.history.rounds import find_rounds
+    from gpszip.history.traversals import read_history
+    from gpszip.model.timestamps import to_seconds
+
+    first = None if since is None else float(to_seconds(since)[0])
+    return find_rounds(read_history(_archive_of(source)), first)
 
 
 def changes(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gpszip
@@ -12,6 +12,7 @@ from gpszip.errors import OptionError, UnknownTrackError
 from gpszip.model.selection import BoundingBox, Selection
 from gpszip.testing import patrol
 from oracle.random_archives import random_archive
+from random_tests import examples
 
 #: Seconds to which an archive keeps the ends of pieces, outwards.
 TICK = 2e-3
@@ -42,7 +43,7 @@ def _same_positions(part, whole, track, times, wanted):
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
-@settings(max_examples=15)
+@examples(15)
 @given(st.floats(0, 1), st.floats(0, 1))
 def test_a_time_range_keeps_positions_and_claims_no_more(archive, first, last):
     begin, end = archive.time_range
@@ -133,7 +134,7 @@ def test_kept_times_are_those_of_the_part(kept):
         assert len(track) == len(expected)
 
 
-@settings(max_examples=10)
+@examples(10)
 @given(st.lists(st.floats(0.01, 0.99), min_size=1, max_size=5, unique=True))
 def test_joining_the_parts_gives_the_archive_back(kept, cuts):
     begin, end = kept.time_range

@@ -9,13 +9,14 @@ from benchmarks.peers import bottom_up, cised, integers, on_knots, on_samples, t
 from benchmarks.peers.curves import Steps, make_curve
 from benchmarks.peers.files import decode_file, encode_file
 from benchmarks.peers.log import find_period, find_speed, make_log, read_log
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.testing import drives
 from oracle.plain_peers import cised as plain_cised
 from oracle.plain_peers import synchronised_distances
 from oracle.plain_peers import td_tr as plain_td_tr
+from random_tests import examples
 
 SIMPLIFIERS = {
     "td-tr": td_tr.simplify,
@@ -134,7 +135,7 @@ def test_td_tr_is_its_definition(log, bound, seed):
 
 @pytest.mark.parametrize("narrow", [True, False])
 @given(log=logs(tracks=1), bound=bounds(), seed=seeds)
-@settings(max_examples=50)
+@examples(50)
 def test_cised_is_its_definition(narrow, log, bound, seed):
     log = without_ties(log, seed)
     positions = np.column_stack([log.x, log.y])
@@ -201,7 +202,7 @@ def decoded_errors(log, tracks):
 
 @pytest.mark.parametrize("name", on_knots.SIMPLIFIERS)
 @given(log=logs(), bound=bounds())
-@settings(max_examples=25)
+@examples(25)
 def test_files_of_knots_hold_the_bound(name, log, bound):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(on_knots, "CODERS", ("arithmetic",))

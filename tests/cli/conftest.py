@@ -1,7 +1,9 @@
+import io
 import json
 import subprocess
 import sys
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pytest
@@ -33,11 +35,13 @@ def gpszip(capfd, tmp_path, monkeypatch):
     """Run the command line in a temporary folder, inside this process.
 
     ``gpszip("compress log.csv -o out.gpsz", "--keep", "a b")``: blanks separate the words of the
-    first argument only.
+    first argument only. ``data`` are bytes of standard input.
     """
     monkeypatch.chdir(tmp_path)
 
-    def call(*arguments):
+    def call(*arguments, data=None):
+        if data is not None:
+            monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(data)))
         capfd.readouterr()
         code = main(_words(arguments))
         out, err = capfd.readouterr()
@@ -59,9 +63,8 @@ def shell(tmp_path):
     return call
 
 
-@pytest.fixture
-def log(tmp_path):
-    """A log of 200 points on a square that is driven twice."""
+def square_log():
+    """Text of a log of 200 points on a square that is driven twice."""
     corners = np.array(
         [[0, 0], [40, 0], [40, 30], [0, 30], [0, 0], [40, 0], [40, 30], [0, 30], [0, 0]], float
     )
@@ -71,8 +74,45 @@ def log(tmp_path):
         f"{t},{np.interp(s, along, corners[:, 0]):.3f},{np.interp(s, along, corners[:, 1]):.3f}"
         for t, s in enumerate(way)
     ]
+    return "\n".join(["t,x,y", *rows]) + "\n"
+
+
+@pytest.fixture
+def log(tmp_path):
+    """A log of 200 points on a square that is driven twice."""
     path = tmp_path / "walk.csv"
-    path.write_text("\n".join(["t,x,y", *rows]) + "\n")
+    path.write_text(square_log())
+    return path
+
+
+@pytest.fixture(scope="session")
+def made_once(tmp_path_factory):
+    """Bytes of archives of the square, each made by one run of compress for all tests."""
+    folder = tmp_path_factory.mktemp("made_once")
+    (folder / "walk.csv").write_text(square_log())
+
+    @cache
+    def call(options):
+        words = ["compress", str(folder / "walk.csv"), "-o", str(folder / "walk.gpsz"), "--force"]
+        assert main([*words, "--quiet", *options.split()]) == 0
+        return (folder / "walk.gpsz").read_bytes()
+
+    return call
+
+
+@pytest.fixture
+def walk_archive(made_once, log, tmp_path):
+    """An archive of the square beside its log."""
+    path = tmp_path / "walk.gpsz"
+    path.write_bytes(made_once("--rmse 1 --effort 1"))
+    return path
+
+
+@pytest.fixture
+def lossless_archive(made_once, log, tmp_path):
+    """An archive of the square that keeps its log exactly, beside the log."""
+    path = tmp_path / "walk.gpsz"
+    path.write_bytes(made_once("--lossless --effort 1"))
     return path
 
 

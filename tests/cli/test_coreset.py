@@ -97,10 +97,10 @@ def test_an_existing_file_is_kept_and_a_bad_log_is_left_out(gpszip, log, tmp_pat
     assert gpszip("coreset", log, "-o", "c.parquet", "--size", "3", "--force", "--quiet").err == ""
 
 
-def test_standard_input_is_read_as_a_file_is(shell, gpszip, log, tmp_path):
-    done = shell("coreset", "-", "-o", "piped.parquet", "--size", "9", data=log.read_bytes())
-    assert done.returncode == 0, done.stderr
-    assert b"200 samples in 9 blocks" in done.stderr
+def test_standard_input_is_read_as_a_file_is(gpszip, log, tmp_path):
+    done = gpszip("coreset", "-", "-o", "piped.parquet", "--size", "9", data=log.read_bytes())
+    assert done.code == 0, done.err
+    assert "200 samples in 9 blocks" in done.err
     named = f"coreset {log} -o named.parquet --size 9 --engine threads --workers 3"
     assert gpszip(named).code == 0
     assert (tmp_path / "piped.parquet").read_bytes() == (tmp_path / "named.parquet").read_bytes()

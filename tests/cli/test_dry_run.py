@@ -71,15 +71,15 @@ def test_repairs_losses_and_columns_are_named(gpszip, log):
 
 
 @pytest.mark.parametrize("packed", [False, True])
-def test_standard_input_is_described_too(shell, log, tmp_path, packed):
+def test_standard_input_is_described_too(gpszip, log, tmp_path, packed):
     data = log.read_bytes()
     log.unlink()
-    done = shell(
+    done = gpszip(
         "compress - -o walk.gpsz --rmse 1 --effort 1 --dry-run --json",
         data=gzip.compress(data) if packed else data,
     )
-    assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
+    assert done.code == 0, done.err
+    found = done.json
     assert found["files"][0]["format"] == "csv"
     assert found["points"] == 200
     assert files_in(tmp_path) == []

@@ -21,6 +21,12 @@ def logs(tmp_path_factory):
     return paths
 
 
+@pytest.fixture(scope="module")
+def first_hour(logs):
+    """Bytes of an archive of the first hour."""
+    return package.compress(str(logs[0]), rmse=0.4, effort=1).to_bytes()
+
+
 def rmse(archive, log):
     (track,) = package.read(log)
     off = archive.position("0", track.times, metres=True) - track.positions
@@ -64,8 +70,8 @@ def test_compress_on_a_map_and_decompress_with_it(gpszip, logs, tmp_path):
     assert rmse(updated, logs[1]) <= 0.4
 
 
-def test_the_map_in_the_same_folder_is_found(gpszip, logs):
-    gpszip("compress", logs[0], "-o", "map.gpsz", "--rmse", "0.4", "--effort", "1")
+def test_the_map_in_the_same_folder_is_found(gpszip, logs, first_hour, tmp_path):
+    (tmp_path / "map.gpsz").write_bytes(first_hour)
     gpszip(f"compress {logs[1]} -o later.gpsz --rmse 0.4 --map map.gpsz --effort 1")
     assert gpszip("decompress", "later.gpsz", "-o", "-").out.startswith("track_id,t,x,y")
     shown = gpszip("info", "later.gpsz").out
@@ -91,8 +97,8 @@ def test_appending_hour_by_hour(gpszip, logs):
     assert package.open("robot.gpsz").to_bytes() == before
 
 
-def test_a_map_is_not_updated_with_a_log_that_it_holds_already(gpszip, logs, tmp_path):
-    gpszip("compress", logs[0], "-o", "map.gpsz", "--rmse", "0.4", "--effort", "1")
+def test_a_map_is_not_updated_with_a_log_that_it_holds_already(gpszip, logs, first_hour, tmp_path):
+    (tmp_path / "map.gpsz").write_bytes(first_hour)
     done = gpszip(
         f"compress {logs[0]} -o on.gpsz --rmse 0.4 --effort 1 --map map.gpsz --update-map new.gpsz"
     )

@@ -7,6 +7,8 @@ import textwrap
 
 import pytest
 
+from gpszip.io.plugins import forget_plugins
+
 GROUPS = {"logs": "formats", "networks": "network_formats", "maps": "map_formats"}
 
 LOGS = """
@@ -62,7 +64,7 @@ SOURCES = {"logs": LOGS, "networks": NETWORKS, "maps": MAPS}
 
 #: A command that needs the format of each table; it writes ``out``.
 COMMANDS = {
-    "logs": ("compress", "walk.toy", "-o", "out", "--rmse", "1m"),
+    "logs": ("compress", "walk.toy", "-o", "out", "--rmse", "1m", "--effort", "1"),
     "networks": ("network", "roads.toy", "-o", "out"),
     "maps": ("map", "two.gpsz", "-o", "out", "--format", "toy"),
 }
@@ -114,6 +116,17 @@ def run(folder):
     return call
 
 
+@pytest.fixture
+def run_here(folder, gpszip, monkeypatch):
+    """Run the command in this process, with the package installed until the test ends."""
+    monkeypatch.syspath_prepend(folder)
+    forget_plugins()
+    yield lambda *words: gpszip("", *words)
+    forget_plugins()
+    for table in GROUPS:
+        sys.modules.pop(f"toy_{table}", None)
+
+
 def failing(table, body):
     """The package of a table whose functions run ``body`` instead of reading or writing."""
     head, name = SOURCES[table], "write" if table == "maps" else "read"
@@ -145,12 +158,12 @@ def test_a_format_of_another_package_is_used(install, run, folder, table):
     ],
 )
 def test_a_package_that_cannot_be_loaded_is_named_in_one_line(
-    install, run, folder, table, source, says
+    install, run_here, folder, table, source, says
 ):
     install(**{table: source})
-    done = run(*COMMANDS[table])
-    assert done.returncode == 1
-    (line,) = done.stderr.splitlines()
+    done = run_here(*COMMANDS[table])
+    assert done.code == 1
+    (line,) = done.err.splitlines()
     assert f"plugin 'toy' of toys: {says}" in line
     assert "update or uninstall this package" in line
     assert not (folder / "out").exists()
@@ -165,11 +178,13 @@ def test_a_package_that_cannot_be_loaded_is_named_in_one_line(
         ("raise MemoryError", "not enough memory; give less at once"),
     ],
 )
-def test_what_a_package_does_wrong_is_an_error_in_one_line(install, run, folder, table, body, says):
+def test_what_a_package_does_wrong_is_an_error_in_one_line(
+    install, run_here, folder, table, body, says
+):
     install(**{table: failing(table, body)})
-    done = run(*COMMANDS[table])
-    assert done.returncode == 1
-    (line,) = done.stderr.splitlines()
+    done = run_here(*COMMANDS[table])
+    assert done.code == 1
+    (line,) = done.err.splitlines()
     assert says in line
     assert ("plugin 'toy' of toys" in line) == ("authors" in says)
     assert ("or --memory" in line) == ("memory" in says and table == "logs")
@@ -181,17 +196,17 @@ def test_what_a_package_does_wrong_is_an_error_in_one_line(install, run, folder,
     [("logs", "RawLog", "walk.toy"), ("networks", "RoadLines", "roads.toy")],
 )
 def test_a_package_that_returns_something_else_is_named_with_the_file(
-    install, run, table, what, file
+    install, run_here, table, what, file
 ):
     install(**{table: failing(table, "return 'nothing'")})
-    (line,) = run(*COMMANDS[table]).stderr.splitlines()
+    (line,) = run_here(*COMMANDS[table]).err.splitlines()
     assert f"{file}: plugin 'toy' of toys failed: TypeError: a {what} is expected, not str" in line
 
 
 @pytest.mark.parametrize("table", ["logs", "networks"])
-def test_a_package_that_fails_to_recognise_a_file_is_named(install, run, table):
+def test_a_package_that_fails_to_recognise_a_file_is_named(install, run_here, table):
     install(**{table: SOURCES[table].replace("head.startswith", "head.no_such_name")})
-    (line,) = run(*COMMANDS[table]).stderr.splitlines()
+    (line,) = run_here(*COMMANDS[table]).err.splitlines()
     assert "plugin 'toy' of toys failed: AttributeError" in line
 
 
@@ -203,10 +218,10 @@ def test_other_packages_are_listed_and_imported_only_where_their_formats_matter(
         assert "imported" not in run(*words).stdout
 
 
-def test_a_format_of_gpszip_is_written_whatever_other_packages_do(install, run, folder):
+def test_a_format_of_gpszip_is_written_whatever_other_packages_do(install, run_here, folder):
     install(maps="import no_such_module\n")
     for words in (("-o", "map.geojson"), ("-o", "map", "--format", "csv")):
-        done = run("map", "two.gpsz", *words)
-        assert done.returncode == 0, done.stderr
+        done = run_here("map", "two.gpsz", *words)
+        assert done.code == 0, done.err
     assert (folder / "map.geojson").exists()
-    assert "see 'gpszip formats'" in run("map", "--help").stdout
+    assert "see 'gpszip formats'" in run_here("map", "--help").out

@@ -155,27 +155,27 @@ def test_map_in_other_formats(gpszip, archive, suffix):
     assert Path(f"map.{suffix}").stat().st_size > 50
 
 
-def test_a_log_follows_its_own_map_in_openstreetmap_xml(shell, log, tmp_path):
+def test_a_log_follows_its_own_map_in_openstreetmap_xml(gpszip, log, tmp_path):
     # The square of the log, 4 km by 3 km at 48 degrees north.
     rows = [line.split(",") for line in log.read_text().splitlines()[1:]]
     degrees = [
         f"{20 * float(t)},{48 + float(y) * 9e-4:.7f},{11 + float(x) * 9e-4:.7f}" for t, x, y in rows
     ]
     (tmp_path / "drive.csv").write_text("\n".join(["t,lat,lon", *degrees]) + "\n")
-    assert shell("compress drive.csv -o drive.gpsz --rmse 10m").returncode == 0
+    assert gpszip("compress drive.csv -o drive.gpsz --rmse 10m --effort 1").code == 0
 
     # The export is the same in a file and on standard output.
-    done = shell("map drive.gpsz -o map.osm")
-    assert done.returncode == 0, done.stderr
-    assert b"map.osm: edges" in done.stderr
+    done = gpszip("map drive.gpsz -o map.osm")
+    assert done.code == 0, done.err
+    assert "map.osm: edges" in done.err
     written = (tmp_path / "map.osm").read_bytes()
-    assert shell("map drive.gpsz -o - --format osm").stdout == written
+    assert gpszip("map drive.gpsz -o - --format osm").out.encode() == written
 
     # Every point is on a way, in its direction.
     assert b'k="oneway" v="yes"' in written
-    done = shell("match drive.csv --network map.osm -o routes.geojson --json")
-    assert done.returncode == 0, done.stderr
-    facts = json.loads(done.stdout)
+    done = gpszip("match drive.csv --network map.osm -o routes.geojson --json")
+    assert done.code == 0, done.err
+    facts = done.json
     assert (facts["points"], facts["matched"]) == (200, 1.0)
     assert facts["error"] < 20
 

@@ -17,11 +17,11 @@ def learned(gpszip, log):
     return done.json
 
 
-def test_a_user_gets_lines_for_a_map(log, shell):
-    done = shell("segments walk.csv -o walk.geojson --rmse 50cm")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == b""
-    assert done.stderr.decode().startswith("walk.geojson: 200 points in k = 8 parts on m = ")
+def test_a_user_gets_lines_for_a_map(log, gpszip):
+    done = gpszip("segments walk.csv -o walk.geojson --rmse 50cm")
+    assert done.code == 0, done.err
+    assert done.out == ""
+    assert done.err.startswith("walk.geojson: 200 points in k = 8 parts on m = ")
     collection = json.loads(log.with_name("walk.geojson").read_text())
     assert collection["gpszip"] == {"coordinates": "metres"}
     kinds = [feature["properties"]["kind"] for feature in collection["features"]]

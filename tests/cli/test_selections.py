@@ -10,9 +10,9 @@ import pytest
 import gpszip as package
 
 
-@pytest.fixture
-def archive(tmp_path):
-    """Two taxis that drive to and fro for a day each, on the earth."""
+@pytest.fixture(scope="module")
+def taxis():
+    """Two taxis that drive to and fro for a day each, on the earth: a log and its archive."""
     times = np.arange(0, 86_400, 60.0)
     along = 0.05 * np.abs(times % 7200 - 3600) / 3600
     rows = [
@@ -21,8 +21,17 @@ def archive(tmp_path):
         for t, x in zip(times, along, strict=True)
     ]
     lines = ["track_id,t,lat,lon", *(f"{n},{t:.0f},{lat},{lon:.7f}" for n, t, lat, lon in rows)]
-    (tmp_path / "log.csv").write_text("\n".join(lines))
-    package.compress(str(tmp_path / "log.csv"), max_error=5, effort=1).save(tmp_path / "a.gpsz")
+    text = "\n".join(lines)
+    log = package.read(io.BytesIO(text.encode()))
+    return text, package.compress(log, max_error=5, effort=1).to_bytes()
+
+
+@pytest.fixture
+def archive(taxis, tmp_path):
+    """The archive of the taxis, beside their log."""
+    text, data = taxis
+    (tmp_path / "log.csv").write_text(text)
+    (tmp_path / "a.gpsz").write_bytes(data)
     return "a.gpsz"
 
 

@@ -3,7 +3,7 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from calling import from_python
@@ -25,6 +25,7 @@ from gpszip.codec.kernels.range_coder import finish, new_decoder, new_encoder
 from gpszip.kernels.jit import jit
 from oracle import adaptive as plain
 from oracle.range_coder import Decoder, Encoder
+from random_tests import examples
 
 # Inner kernels, as Python calls them.
 fixed_log2 = from_python(fixed_log2)
@@ -167,7 +168,7 @@ def new_state(weight=2340, bins=48):
 
 
 @given(mixtures())
-@settings(max_examples=40)
+@examples(40)
 def test_mixtures_of_extreme_parameters_round_trip_and_agree_with_plain_ones(case):
     low, high, kinds, centers, scales, values = case
     weights, histogram = new_state()
@@ -188,7 +189,7 @@ def test_mixtures_of_extreme_parameters_round_trip_and_agree_with_plain_ones(cas
 
 
 @given(mixtures(), st.integers(0, 2**32))
-@settings(max_examples=80)
+@examples(80)
 def test_every_value_of_a_mixture_has_an_interval_of_its_own(case, seed):
     low, high, kinds, centers, scales, values = case
     model = plain.Mixture([2340] * 28)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.archive.curves import curves_section, read_curve_heads, read_curves
@@ -12,6 +12,7 @@ from gpszip.codec import curves
 from gpszip.codec.curves import CurveColumn, fit_column
 from gpszip.errors import CorruptArchiveError, OptionError
 from oracle.curves import fewest_knots
+from random_tests import examples
 
 numbers = st.floats(-1e5, 1e5, width=32) | st.just(float("nan"))
 bounds = st.sampled_from([0.01, 0.3048, 1.0, 7.0, 1e4])
@@ -31,7 +32,7 @@ def tracks(draw, max_tracks=3):
     return times, values
 
 
-@settings(deadline=None, max_examples=150)
+@examples(150)
 @given(tracks(), bounds)
 def test_the_bound_holds_at_every_sample_after_decoding(log, bound):
     times, values = log
@@ -44,7 +45,7 @@ def test_the_bound_holds_at_every_sample_after_decoding(log, bound):
         assert (np.abs(found - own)[present] <= bound).all()
 
 
-@settings(deadline=None, max_examples=60)
+@examples(60)
 @given(
     st.lists(st.integers(-6, 6), min_size=1, max_size=9),
     st.lists(st.integers(1, 4), min_size=9, max_size=9),

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.archive.curves import curves_section, read_curves
@@ -10,6 +10,7 @@ from gpszip.codec.curves import CurveColumn, CurveSlice, fit_column, fit_slices
 from gpszip.codec.joined_curves import CurvePart, join_columns
 from gpszip.codec.kernels.curves import BEGINS_TRACK
 from gpszip.errors import OptionError
+from random_tests import examples
 
 numbers = st.floats(-300, 300, width=32) | st.just(float("nan"))
 
@@ -29,7 +30,7 @@ def logs(draw):
     return parts
 
 
-@settings(deadline=None, max_examples=80)
+@examples(80)
 @given(logs())
 def test_the_bound_holds_at_the_samples_of_all_parts(parts):
     fitted = [fit_column([times], [values], bound) for times, values, bound in parts]
@@ -60,7 +61,7 @@ def _cut(column, begin, end):
     return CurvePart(CurveColumn(column.bound, column.step, column.unit, (knots,)), 0, begin, end)
 
 
-@settings(deadline=None, max_examples=60)
+@examples(60)
 @given(st.integers(0, 2**32 - 1), st.lists(st.floats(0, 200), max_size=3))
 def test_parts_of_one_curve_become_that_curve(seed, cuts):
     rng = np.random.default_rng(seed)
@@ -120,7 +121,7 @@ def test_curves_too_far_apart_are_refused():
             join_columns([[CurvePart(fine, 0, 0, 1)], [CurvePart(forged, 0, 4e9, 4e9)]], "x")
 
 
-@settings(deadline=None, max_examples=60)
+@examples(60)
 @given(st.lists(st.lists(numbers, max_size=20), min_size=1, max_size=3), st.integers(1, 7))
 def test_slices_hold_the_bound_like_whole_tracks(tracks, length):
     values = [np.array(own, dtype=float) for own in tracks]

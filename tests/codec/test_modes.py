@@ -45,7 +45,7 @@ def assert_plain_decoder_agrees(data, walks):
 @pytest.mark.parametrize("modes", range(1, 8))
 @pytest.mark.parametrize("seed", range(5))
 def test_random_walks_round_trip_in_all_modes(seed, modes):
-    walks = random_walks(seed, longest=200)
+    walks = random_walks(seed, longest=100)
     if walks.timed or not modes & SORTED_STARTS:
         data = encode_with_mode(walks, modes)
         assert_same(decode(data, walks.nodes.shape[1], len(walks.walks)), walks)

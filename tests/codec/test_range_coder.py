@@ -3,7 +3,7 @@ import math
 import constriction
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.codec.kernels.range_coder import (
@@ -17,6 +17,7 @@ from gpszip.codec.kernels.range_coder import (
 )
 from gpszip.kernels.jit import jit
 from oracle.range_coder import Decoder, Encoder
+from random_tests import examples
 
 
 @jit
@@ -83,7 +84,7 @@ def intervals(draw):
 
 
 @given(st.lists(intervals(), max_size=60))
-@settings(max_examples=150)
+@examples(150)
 def test_bytes_are_those_of_the_plain_encoder_and_decode(rows):
     assert_decodes(written(rows), rows)
 

@@ -5,7 +5,7 @@ import zlib
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -19,6 +19,7 @@ from gpszip.container.attributes import (
 from gpszip.container.layout import encode_varint
 from gpszip.errors import CorruptArchiveError, OptionError
 from oracle import attributes as plain
+from random_tests import examples
 
 
 def column(n):
@@ -49,7 +50,7 @@ def kept_columns(draw):
 
 
 @given(kept_columns())
-@settings(max_examples=50, deadline=None)
+@examples(50)
 def test_columns_round_trip(kept):
     body = encode_attributes(kept)
     back = read_attributes(body, len(kept.counts))
@@ -78,7 +79,7 @@ def example(n=40):
 
 
 @given(kept_columns())
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_the_plain_reader_agrees(kept):
     counts, times, columns = plain.read_attributes(encode_attributes(kept), len(kept.counts))
     assert counts == list(kept.counts)
@@ -143,7 +144,7 @@ def test_every_truncation_and_flipped_bit_is_refused_or_read():
 
 
 @given(st.binary(max_size=60), st.integers(0, 5))
-@settings(max_examples=300, deadline=None)
+@examples(300)
 def test_any_bytes_are_refused_or_read(data, tracks):
     with contextlib.suppress(CorruptArchiveError):
         read_attributes(data, tracks)
@@ -210,7 +211,7 @@ def test_columns_that_can_t_be_kept_are_named():
 
 
 @given(kept_columns(), st.integers(1, 5))
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_columns_read_in_chunks_round_trip(kept, chunk):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(columns, "_CHUNK", chunk)

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.drawing.map_figure import (
@@ -13,6 +13,7 @@ from gpszip.drawing.map_figure import (
 from gpszip.drawing.map_lines import MapLines, hidden_planes, lines_legend, samples_legend
 from gpszip.drawing.style import Layout, style
 from gpszip.model import Plane
+from random_tests import examples
 
 #: Millimetres in an inch.
 INCH = 25.4
@@ -42,7 +43,7 @@ def in_metres(label):
 coordinates = st.floats(-1e6, 1e6, allow_subnormal=False)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(
     st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=9), st.floats(60.0, 300.0)
 )
@@ -60,7 +61,7 @@ def test_a_map_shows_all_positions_in_one_scale(positions, width):
     assert axes.get_aspect() == 1
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(st.floats(1e-2, 1e6))
 def test_the_scale_bar_has_the_length_of_its_label(extent):
     figure, axes = drawn([[[0, 0], [extent, extent / 2]]])

@@ -8,7 +8,7 @@ import random
 from itertools import product
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from fuzz.mutations import BINARY, TEXT, Mutation, apply, draw
@@ -16,6 +16,7 @@ from fuzz.run import WorkerLostError, WorkerProcess, fuzz
 from fuzz.targets import TARGETS, Target, run
 from fuzz.worker import answer, make_input
 from gpszip.errors import GPSZipError
+from random_tests import examples
 
 _SHARE = st.floats(0, 1, exclude_max=True)
 
@@ -41,13 +42,7 @@ def _changes(kinds):
 def test_changed_files_are_read_or_refused(name):
     target = TARGETS[name]
 
-    @settings(
-        max_examples=25,
-        derandomize=True,
-        database=None,
-        deadline=None,
-        suppress_health_check=list(HealthCheck),
-    )
+    @examples(25, derandomize=True, database=None, suppress_health_check=list(HealthCheck))
     @given(st.integers(0, 5), _changes(target.kinds))
     def attempt(number, changes):
         run(name, target.mutate(number, changes))

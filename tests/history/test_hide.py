@@ -1,11 +1,12 @@
 """Places that are left out of tracks before they are shared."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.history.hide import hide_places
 from gpszip.model import Track
+from random_tests import examples
 
 
 def a_track(rng, name="a", n=30):
@@ -24,7 +25,7 @@ def fine(track, count=40):
     return times, np.stack([np.interp(times, track.times, axis) for axis in track.positions.T], 1)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(st.integers(0, 2**32 - 1), st.booleans())
 def test_nothing_near_a_place_is_left_and_nothing_far_is_lost(seed, sampled):
     rng = np.random.default_rng(seed)

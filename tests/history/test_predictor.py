@@ -231,6 +231,11 @@ def test_names_of_unknown_agents_say_nothing(predictor, asked):
     assert predictor.next(edges[:20], agent="nobody") == predictor.next(edges[:20])
 
 
+def test_a_time_that_is_not_known_says_nothing(predictor, asked):
+    _, edges, _ = asked[0]
+    assert predictor.next(edges[:20], math.nan) == predictor.next(edges[:20])
+
+
 @given(st.lists(st.integers(0, 5), min_size=1, max_size=30), st.data())
 def test_keys_of_routes_are_those_of_batches(route, data):
     starts = np.array(data.draw(st.lists(st.booleans(), min_size=len(route), max_size=len(route))))

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.history.fixes import choose_fixes
 from gpszip.history.timeline import build_timeline
 from gpszip.history.values import Settings
+from random_tests import examples
 
 #: Metres of the errors of fixes in these scenes.
 NOISE = 8.0
@@ -193,7 +194,7 @@ def test_stops_and_trips_of_any_track(track):
         assert stop.start <= stop.first_seen <= stop.last_seen <= stop.end
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(tracks(), st.integers(-(10**6), 10**6), st.integers(-1000, 1000))
 def test_where_and_when_do_not_matter(track, shift, periods):
     times, positions, accuracy = track

@@ -158,3 +158,11 @@ def test_take_starts_anew_after_what_is_left_out(van_history: History) -> None:
     some = rows.take(np.arange(len(rows)) % 3 != 1)
     assert len(some) == len(rows) - len(rows) // 3 - (len(rows) % 3 > 1)
     assert some.starts[1::2][: len(some) // 2].all()
+
+
+def test_laps_told_by_few_knots_are_all_found():
+    corners = np.array([[0, 0], [90, 0], [90, 60], [0, 60]] * 40, float)
+    guard = gpszip.Track("guard", 30.0 * np.arange(len(corners)), corners)
+    traversals = read_history(gpszip.compress(guard, rmse=6.0, effort=1)).traversals
+    assert 39 <= len(traversals) <= 41
+    assert len(set(traversals.forward.tolist())) == 1

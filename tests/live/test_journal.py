@@ -5,7 +5,7 @@ import threading
 import zlib
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError, OutputError
@@ -13,6 +13,7 @@ from gpszip.live import Fix, Journal
 from gpszip.live import journal as module
 from gpszip.live.journal import Tail, archived_until, mark_archived, read_segment, segments
 from live.running import stored
+from random_tests import examples
 
 
 def fix(number, agent="bus"):
@@ -47,7 +48,7 @@ def written(folder, batches=((FIXES[:2]), (FIXES[2:]))):
     return path
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(st.lists(any_fix, max_size=5))
 def test_fixes_come_back_exactly(tmp_path_factory, fixes):
     folder = tmp_path_factory.mktemp("journal")
@@ -210,6 +211,18 @@ def test_segments_may_end_while_fixes_are_written(tmp_path):
     journal.close()
     assert stored(tmp_path) == [fix(number) for number in range(200)]
     assert len(segments(tmp_path)) > 2
+
+
+def test_segments_may_be_archived_while_they_are_read(tmp_path):
+    journal = Journal(tmp_path)
+    for known in FIXES[:3]:
+        journal.append([known])
+        journal.rotate()
+    reading = journal.recent()
+    assert next(reading) == FIXES[0]
+    mark_archived(tmp_path, segments(tmp_path)[1])
+    assert list(reading) == [FIXES[2]]
+    journal.close()
 
 
 def test_segments_have_a_size(tmp_path, monkeypatch):

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from http.client import HTTPException
 from importlib.util import find_spec
 
 import numpy as np
@@ -88,8 +89,8 @@ def test_lines_that_wait_for_others_are_stored_before_the_end(tmp_path):
         while not stored(tmp_path) and time.monotonic() < deadline:
             time.sleep(0.02)
         assert [(fix.agent, fix.time) for fix in stored(tmp_path)] == [("boat", bodies.TIME)]
-        listener.process.stdin.close()
         assert listener.end(signal.SIGINT) == 0
+        listener.process.stdin.close()
 
 
 @pytest.mark.parametrize(
@@ -140,7 +141,7 @@ def test_killed_while_it_archives_nothing_acknowledged_is_lost(tmp_path):
                     if request(port, f"/osmand?id=ann&{place}&timestamp={when}")[0] == 200:
                         acknowledged += 1
                     time.sleep(0.005)
-            except OSError:
+            except (OSError, HTTPException):
                 listener.process.wait()
             killer.join()
         if archive.exists():
@@ -179,3 +180,14 @@ def test_an_archive_that_fails_is_told_and_the_listener_goes_on(tmp_path):
         assert listener.process.wait(60) == 2
     assert any("the archive in metres" in line for line in listener.lines)
     assert len(stored(tmp_path / "journal")) == 5
+
+
+@pytest.mark.parametrize(
+    ("package", "options"),
+    [("starlette", ["--http", "0"]), ("paho.mqtt.client", ["--mqtt", "mqtt://127.0.0.1"])],
+)
+def test_a_missing_extra_is_named(listen, monkeypatch, package, options):
+    monkeypatch.setitem(sys.modules, package, None)
+    code, told = listen("", *options)
+    assert code == 1
+    assert f"{options[0]} needs the extra 'live': pip install 'gpszip[live]'" in told.err

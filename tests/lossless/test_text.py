@@ -12,6 +12,7 @@ from gpszip.errors import CorruptArchiveError
 from gpszip.lossless.notation import decode_notation, encode_notation, find_notation
 from gpszip.lossless.text import MAX_BLOCK_BYTES, _split, decode_block, encode_block
 from oracle.tokens import split_plainly
+from random_tests import examples
 
 #: Text of numbers in all notations, dates, words and separators.
 PIECES = st.sampled_from(
@@ -167,7 +168,7 @@ def test_a_forged_block_is_refused(data, size, message):
 
 
 @given(st.data())
-@settings(deadline=None, max_examples=200)
+@examples(200)
 def test_a_changed_block_is_other_text_or_an_error(data):
     text = b"".join(b"%d,%.2f,a%02d\n" % (i * 3, i / 7, i) for i in range(40))
     block = bytearray(encode_block(text))

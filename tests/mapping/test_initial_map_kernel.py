@@ -2,7 +2,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from calling import from_python
@@ -21,6 +21,7 @@ from gpszip.mapping.kernels.initial_map import (
     release_node,
     step_count,
 )
+from random_tests import examples
 
 # Inner kernels, as Python calls them.
 step_count = from_python(step_count)
@@ -95,7 +96,7 @@ def nearest(positions, alive, position, reach, max_near):
     st.sampled_from([0.3, 2.0, 9.0]),
     st.sampled_from([0.0, 1e6, -3e9]),
 )
-@settings(max_examples=100)
+@examples(100)
 def test_near_nodes_are_those_of_brute_force_while_nodes_come_and_go(seed, dimension, reach, shift):
     rng = np.random.default_rng(seed)
     working_map, alive = allocate_working_map(dimension, 80, 8, reach), {}

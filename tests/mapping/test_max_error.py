@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from gpszip.mapping.max_error import enforce_max_error
@@ -8,6 +8,7 @@ from gpszip.mapping.verbatim import keep_samples
 from gpszip.model import GridWalk, GridWalks, QuantisationGrid, Track
 from gpszip.walks.error import measure_errors
 from gpszip.walks.quantised import dequantise_walks, node_positions
+from random_tests import examples
 
 
 def sparse_walk(track, gaps, keep, grid=None):
@@ -33,7 +34,7 @@ def errors(tracks, grid, grid_walks):
 @given(
     st.integers(0, 10_000), st.integers(2, 120), st.integers(1, 3), st.sampled_from([0.1, 1.0, 8.0])
 )
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_all_samples_come_within_the_maximum(seed, n, dimension, maximum):
     rng = np.random.default_rng(seed)
     track = Track(

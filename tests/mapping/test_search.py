@@ -151,7 +151,7 @@ def test_under_a_maximum_knots_can_lie_at_samples_of_whole_seconds(seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_the_highest_effort_takes_no_more_bytes_than_the_default(seed):
     track = patrol(1000, seed=seed)
-    track = Track(track.id, track.times[:300], track.positions[:300])
+    track = Track(track.id, track.times[:150], track.positions[:150])
     sizes = [
         len(encode(learn_map([track], no_gaps([track]), rmse=0.5, effort=effort)[1]))
         for effort in (5, 9)

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from gpszip.mapping.initial_map import walks_of
@@ -18,6 +18,7 @@ from gpszip.mapping.time_grid import (
 from gpszip.model import QuantisationGrid, Track
 from gpszip.model.grid import step_size
 from gpszip.testing.strategies import track_lists
+from random_tests import examples
 
 
 @st.composite
@@ -38,7 +39,7 @@ def piece_steps(time_grid, piece):
 
 
 @given(logs(), st.booleans())
-@settings(max_examples=80)
+@examples(80)
 def test_every_sample_is_in_one_slot_and_pieces_do_not_overlap(log, sparse):
     tracks, gaps, grid = log
     time_grid = build_time_grid(tracks, gaps, grid, sparse=sparse)
@@ -65,7 +66,7 @@ def test_every_sample_is_in_one_slot_and_pieces_do_not_overlap(log, sparse):
 
 
 @given(logs())
-@settings(max_examples=60)
+@examples(60)
 def test_gaps_separate_pieces_where_a_time_step_fits(log):
     tracks, gaps, grid = log
     time_grid = build_time_grid(tracks, gaps, grid)
@@ -75,7 +76,7 @@ def test_gaps_separate_pieces_where_a_time_step_fits(log):
 
 
 @given(logs(), st.integers(0, 2**32))
-@settings(max_examples=80)
+@examples(80)
 def test_knots_on_sparse_slots_are_transferred_to_full_ones(log, seed):
     tracks, gaps, grid = log
     full, sparse_grid = (
@@ -112,7 +113,7 @@ def nearest(steps, wanted):
 
 
 @given(logs(), st.integers(0, 2**32), st.sampled_from([0.5, 1.0, 1.7]))
-@settings(max_examples=60)
+@examples(60)
 def test_walks_move_to_the_nearest_slots_of_another_grid(log, seed, ratio):
     # Walks with a knot at each end of a piece, and some in between.
     tracks, gaps, grid = log
@@ -169,7 +170,7 @@ def is_sparsified_like_sparse_grid(tracks, gaps, grid):
 
 
 @given(logs())
-@settings(max_examples=80)
+@examples(80)
 def test_sparsify_gives_a_sparse_grid(log):
     assert is_sparsified_like_sparse_grid(*log)
 
@@ -236,7 +237,7 @@ def test_a_long_pause_has_no_slot_for_each_time_step():
 
 
 @given(logs())
-@settings(max_examples=50)
+@examples(50)
 def test_weights_multiply_the_sums(log):
     time_grid = build_time_grid(*log)
     assume(time_grid.samples > 1)
@@ -249,7 +250,7 @@ def test_weights_multiply_the_sums(log):
 
 
 @given(logs(), st.integers(0, 2**32 - 1))
-@settings(max_examples=50)
+@examples(50)
 def test_a_heavier_sample_counts_as_often_as_it_weighs(log, seed):
     time_grid = build_time_grid(*log)
     weights = np.random.default_rng(seed).integers(1, 4, len(time_grid.times))
@@ -259,7 +260,7 @@ def test_a_heavier_sample_counts_as_often_as_it_weighs(log, seed):
 
 
 @given(logs(), st.integers(0, 2**32 - 1))
-@settings(max_examples=50)
+@examples(50)
 def test_samples_that_are_kept_stay_between_their_slots(log, seed):
     time_grid = build_time_grid(*log)
     keep = np.random.default_rng(seed).random(len(time_grid.times)) < 0.4

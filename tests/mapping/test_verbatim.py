@@ -1,12 +1,13 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.mapping.verbatim import keep_samples
 from gpszip.model import Track
 from gpszip.walks.quantised import dequantise_walks, node_positions
 from oracle.decoded import position
+from random_tests import examples
 
 
 @given(
@@ -15,7 +16,7 @@ from oracle.decoded import position
     st.integers(1, 4),
     st.sampled_from([0.05, 0.5, 5.0, 1e3]),
 )
-@settings(max_examples=150)
+@examples(150)
 def test_all_samples_are_within_the_error(seed, n, dimension, error):
     rng = np.random.default_rng(seed)
     tracks = [

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.matching.alternatives import PathFinder, RoadPath, RoadPosition, TravelCosts
 from matching.streets import network
 from oracle.ways import cheapest
+from random_tests import examples
 
 
 def network_of(nodes, pairs, one_way=()):
@@ -96,7 +97,7 @@ def small_networks(draw):
     return network_of(np.array(nodes) * 100.0, roads, one_way)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(small_networks(), st.data())
 def test_the_cheapest_path_equals_the_oracle(roads, data):
     # two positions on different roads, in open directions

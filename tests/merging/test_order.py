@@ -17,7 +17,7 @@ from gpszip.testing import patrol
 @cache
 def build_runs(count, shift=0.0, dimension=2):
     """A robot's rounds in runs, each an archive of some 20 bytes; in 3-D it climbs eastwards."""
-    log = patrol(2400, seed=4)
+    log = patrol(1200, seed=4)
     positions = log.positions + shift
     positions = np.column_stack((positions, 0.2 * positions[:, 0])) if dimension > 2 else positions
     return [

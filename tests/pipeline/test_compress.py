@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.archive import open_archive
@@ -26,6 +26,7 @@ from gpszip.run.serial import Serial
 from gpszip.run.threads import Threads
 from gpszip.testing import patrol
 from oracle.decoded import measure
+from random_tests import examples
 
 
 def wander(n=250, dimension=2, seed=0, name="a", start=0.0, step=1.0, noise=0.1):
@@ -124,7 +125,7 @@ def test_every_sample_is_covered_within_the_bound(log, bound):
     st.sampled_from([0.05, 0.4, 3.0]),
     st.booleans(),
 )
-@settings(max_examples=12, deadline=None)
+@examples(12)
 def test_any_bound_holds_for_any_track(seed, n, dimension, bound, is_rmse):
     rng = np.random.default_rng(seed)
     times = 1e5 * rng.random() + np.cumsum(rng.choice([0.01, 1.0, 1.0, 1.0, 300.0], n))

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gpszip
@@ -8,6 +8,7 @@ from gpszip.errors import OptionError
 from gpszip.geo.planes import choose_plane, reproject_track, to_plane
 from gpszip.model import Track
 from gpszip.pipeline.diff import Curve, Side, diff, side_of_archive, side_of_log
+from random_tests import examples
 
 
 def walk(id="walk", n=40, seed=0, shift=(0.0, 0.0)):
@@ -44,7 +45,7 @@ def knots(seed, n, shift):
     return Side({"walk": curve}, None, 2, sampled=False)
 
 
-@settings(deadline=None, max_examples=30)
+@examples(30)
 @given(st.integers(0, 10_000), st.integers(0, 40), st.integers(0, 40))
 def test_archives_are_compared_over_all_time(seed, n, m):
     first, second = knots(seed, n, 0.0), knots(seed + 1, m, 0.5)

@@ -31,17 +31,23 @@ from gpszip.walks.shapes import shape_error
 MEMORY = 420 << 20
 TESTS = Path(__file__).parents[1]
 
+#: Samples of a batch: short logs have several.
+BATCH = 830
+
+#: Samples of both robots.
+N = 2000
+
 
 @pytest.fixture(autouse=True)
 def small_batches(monkeypatch):
     """Make batches so small that short logs have several."""
-    force_batches(monkeypatch, batch=2500, subsample=3000)
+    force_batches(monkeypatch, batch=BATCH, subsample=1000)
 
 
 @pytest.fixture(scope="module")
 def robots():
     """Two robots in one building."""
-    return [patrol(4500, seed=5, id="one"), patrol(1500, seed=5, id="two")]
+    return [patrol(1500, seed=5, id="one"), patrol(500, seed=5, id="two")]
 
 
 @pytest.fixture
@@ -49,7 +55,7 @@ def folder(robots, tmp_path):
     """A folder of two files, each with some hours of both robots."""
     path = tmp_path / "logs"
     path.mkdir()
-    for name, rows in (("9", slice(0, 1000)), ("8", slice(1000, 4500))):
+    for name, rows in (("9", slice(0, 300)), ("8", slice(300, 1500))):
         tables = [rows_of_track(robot, rows) for robot in robots]
         pq.write_table(pa.concat_tables(tables).sort_by("t"), path / f"{name}.parquet")
     return path
@@ -81,7 +87,7 @@ def root_mean_square(values):
 def test_the_bound_holds_at_every_sample(folder, robots, bound):
     archive, report, result = compress_in_batches(folder, Options(effort=1, **bound), memory=MEMORY)
     errors = distances(archive, robots)
-    assert report.points == len(errors) == result.points == 6000
+    assert report.points == len(errors) == result.points == N
     assert report.rmse == pytest.approx(root_mean_square(errors), rel=1e-6)
     assert report.max_error == pytest.approx(errors.max(), rel=1e-6)
     assert report.rmse <= bound.get("rmse", np.inf)
@@ -131,19 +137,19 @@ def test_batches_can_be_pickled_for_other_processes(folder):
 
 
 def test_memory_limits_the_number_of_threads(folder, monkeypatch):
-    monkeypatch.setattr(memory_limits, "_BYTES_ENCODING", 8000)
+    monkeypatch.setattr(memory_limits, "_BYTES_ENCODING", 24_000)
     with open_log(folder, memory=MEMORY) as log:
         job = prepare(log, Options(rmse=0.3), memory=MEMORY, executor=Threads(9))
     workers, available = job.executor.workers, MEMORY - memory_limits.PROGRAM
-    assert workers * 2500 * 8000 <= available < (workers + 1) * 2500 * 8000
+    assert workers * BATCH * 24_000 <= available < (workers + 1) * BATCH * 24_000
 
 
 @pytest.fixture
 def messy_logs(tmp_path):
     """Two halves of a log, each with a row of every kind that reading repairs."""
     names = []
-    for name, first in (("morning", 0), ("evening", 3000)):
-        times = np.arange(first, first + 3000)
+    for name, first in (("morning", 0), ("evening", 1000)):
+        times = np.arange(first, first + 1000)
         noise = np.random.default_rng(first).normal(0, 0.3, (2, len(times)))
         x, y = np.stack([50 * np.cos(times / 50), 30 * np.sin(times / 50)]) + noise
         x[300] += 50_000  # an outlier
@@ -174,7 +180,7 @@ def test_disk_and_memory_report_the_same_points_and_repairs(messy_logs):
     in_memory, on_disk = counts
     assert on_disk == in_memory
     for kept, points, repairs in in_memory:
-        assert (kept, points, len(repairs)) == (2997, 3000, 4)
+        assert (kept, points, len(repairs)) == (997, 1000, 4)
 
 
 def test_logs_in_degrees_with_gaps_are_compressed(tmp_path):
@@ -195,7 +201,7 @@ def test_logs_in_degrees_with_gaps_are_compressed(tmp_path):
 def write_shapes(path):
     """Planned routes in a table without times; the first one is longer than a batch."""
     rows = ["track_id,x,y"]
-    for number, count in enumerate((4000, 300, 1)):
+    for number, count in enumerate((1300, 300, 1)):
         angle = np.arange(count) / 10 + number
         x, y = 50 * np.cos(angle), 30 * np.sin(angle) + 40 * np.floor(angle / 60)
         rows += [f"r{number},{a:.3f},{b:.3f}" for a, b in zip(x, y, strict=True)]
@@ -212,7 +218,7 @@ def test_shapes_keep_the_bound_at_equal_shares_of_their_lengths(tmp_path, bound)
     archive = gpszip.open(archive.to_bytes())
     tracks = gpszip.read(log, times=False)
     assert (archive.timed, archive.ids) == (False, tuple(track.id for track in tracks))
-    assert (report.points, result.points) == (sum(map(len, tracks)), 4301)
+    assert (report.points, result.points) == (sum(map(len, tracks)), 1601)
 
     # Compare whole shapes with whole walks, not slice by slice.
     nodes = archive.road_map.nodes
@@ -236,7 +242,7 @@ def test_shapes_of_several_batches_give_the_same_bytes_on_all_engines(tmp_path):
     assert archives[0] == archives[1]
 
 
-def write_plan_and_ride(path, points=3500):
+def write_plan_and_ride(path, points=1200):
     """A route, which has no times, and a track in one GPX file."""
     at = [(48 + np.sin(i / 90) / 90, 11 + np.cos(i / 70) / 90) for i in range(points)]
     plan = "".join(f'<rtept lat="{lat:.6f}" lon="{lon:.6f}"/>' for lat, lon in at[::2])
@@ -296,7 +302,7 @@ def test_a_batch_keeps_the_knots_it_needs_where_learning_fails(folder, robots, m
         folder, Options(max_error=1.0, effort=1), memory=MEMORY
     )
     assert distances(archive, robots).max() <= 1.0
-    assert report.points == 6000
+    assert report.points == N
 
 
 def test_one_batch_may_have_more_error_where_others_have_less(folder, robots, monkeypatch):
@@ -324,8 +330,8 @@ def test_options_that_need_all_samples_in_memory_are_refused(folder):
 
 @pytest.fixture
 def short_log(robots, tmp_path, monkeypatch):
-    """A file of three batches of 500 samples: a size takes many tries."""
-    force_batches(monkeypatch, batch=500, subsample=800)
+    """A file of three batches of 170 samples: a size takes many tries."""
+    force_batches(monkeypatch, batch=170, subsample=300)
     pq.write_table(rows_of_track(robots[1], slice(None)), tmp_path / "short.parquet")
     return str(tmp_path / "short.parquet")
 
@@ -352,12 +358,12 @@ def test_too_little_memory_is_refused(folder):
 
 
 def test_small_logs_are_read_into_memory(folder, monkeypatch):
-    monkeypatch.setattr(memory_limits, "_BYTES_IN_MEMORY", 700)
+    monkeypatch.setattr(memory_limits, "_BYTES_IN_MEMORY", 2100)
     with open_log(folder, memory=1 << 30) as log:
         assert isinstance(log, MemoryLog)
     with open_log(folder, memory=400 << 20) as log:
         assert isinstance(log, MemoryLog)
-    monkeypatch.setattr(memory_limits, "_BYTES_IN_MEMORY", 140_000)
+    monkeypatch.setattr(memory_limits, "_BYTES_IN_MEMORY", 420_000)
     with open_log(folder, memory=1 << 30) as log:
         assert not isinstance(log, MemoryLog)
 
@@ -366,7 +372,7 @@ def test_small_logs_are_read_into_memory(folder, monkeypatch):
 def test_segment_means_of_large_logs_are_refused_before_they_are_sorted(
     folder, monkeypatch, choice
 ):
-    monkeypatch.setattr(memory_limits, "_BYTES_IN_MEMORY", 70_000)
+    monkeypatch.setattr(memory_limits, "_BYTES_IN_MEMORY", 210_000)
     stages = []
     with pytest.raises(OptionError, match="k and m segment a track that is in memory as a whole"):
         gpszip.compress(
@@ -450,8 +456,8 @@ def test_a_dense_subsample_is_thinned_and_a_sparse_one_is_not():
 def test_standard_input_larger_than_memory_is_split_where_time_goes_back(
     tmp_path, monkeypatch, capfd
 ):
-    force_batches(monkeypatch, batch=5000, subsample=6000)
-    times = np.tile(np.arange(6000.0), 2)
+    force_batches(monkeypatch, batch=1500, subsample=1800)
+    times = np.tile(np.arange(1800.0), 2)
     rows = "".join(f"{t:g},{50 * np.cos(t / 50):.3f},{30 * np.sin(t / 50):.3f}\n" for t in times)
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(("t,x,y\n" + rows).encode())))
     target = tmp_path / "out.gpsz"

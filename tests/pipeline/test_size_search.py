@@ -3,10 +3,11 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.pipeline.size_search import Try, smallest_error
+from random_tests import examples
 
 
 def falling_sizes(power=1.1, floor=20, scale=300.0, step=1, gain=0.95):
@@ -30,7 +31,7 @@ def falling_sizes(power=1.1, floor=20, scale=300.0, step=1, gain=0.95):
     st.floats(0.01, 100.0),
     st.sampled_from([1, 2, 5, 9]),
 )
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_smooth_sizes_are_met_within_three_percent_by_few_tries(power, size, first, effort):
     attempt, calls = falling_sizes(power)
     best, _ = smallest_error(attempt, size, first=first, coarsest=1e4, effort=effort)
@@ -40,7 +41,7 @@ def test_smooth_sizes_are_met_within_three_percent_by_few_tries(power, size, fir
 
 
 @given(st.integers(21, 400), st.sampled_from([10, 60, 150]))
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_archives_fit_although_sizes_jump(size, step):
     attempt, _ = falling_sizes(step=step)
     best, _ = smallest_error(attempt, size, first=1.0, coarsest=1e3, effort=5)

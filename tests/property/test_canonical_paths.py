@@ -1,14 +1,15 @@
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.graph.road_graph import UNITS_PER_METRE
 from gpszip.graph.trees import build_tree, find_distances, new_search_on
 from oracle.paths import all_simple_paths, canonical_paths, random_maps
+from random_tests import examples
 
 
 @given(random_maps())
-@settings(max_examples=200, deadline=None)
+@examples(200)
 def test_trees_contain_the_canonical_path_to_each_node(graph):
     for source in range(len(graph)):
         tree, plain = build_tree(graph, source), canonical_paths(graph, source)
@@ -21,7 +22,7 @@ def test_trees_contain_the_canonical_path_to_each_node(graph):
 
 
 @given(random_maps(max_nodes=6))
-@settings(max_examples=100, deadline=None)
+@examples(100)
 def test_canonical_path_is_the_lexicographically_first_of_the_shortest(graph):
     tree = build_tree(graph, 0)
     for node in range(len(graph)):
@@ -33,7 +34,7 @@ def test_canonical_path_is_the_lexicographically_first_of_the_shortest(graph):
 
 
 @given(random_maps())
-@settings(max_examples=200, deadline=None)
+@examples(200)
 def test_subpaths_of_canonical_paths_are_canonical(graph):
     trees = [build_tree(graph, source) for source in range(len(graph))]
     for tree in trees:
@@ -46,7 +47,7 @@ def test_subpaths_of_canonical_paths_are_canonical(graph):
 
 
 @given(random_maps())
-@settings(max_examples=100, deadline=None)
+@examples(100)
 def test_radius_only_bounds_the_tree(graph):
     for radius in (0.0, 1.0, 2.5):
         full, bounded = build_tree(graph, 0), build_tree(graph, 0, radius=radius)
@@ -59,7 +60,7 @@ def test_radius_only_bounds_the_tree(graph):
 
 
 @given(random_maps(), st.integers(1, 6))
-@settings(max_examples=200, deadline=None)
+@examples(200)
 def test_breadth_keeps_the_nearest_nodes_and_ties_with_the_last(graph, breadth):
     full = build_tree(graph, 0)
     bounded = build_tree(graph, 0, search=new_search_on(graph, breadth))

@@ -2,7 +2,7 @@ import io
 from dataclasses import replace
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from gpszip.container.catalog import open_catalog, read_catalog_group
@@ -16,6 +16,7 @@ from gpszip.errors import CorruptArchiveError
 from gpszip.model.error_bound import ErrorBound
 from gpszip.model.grid import Plane, QuantisationGrid
 from oracle import archives
+from random_tests import examples
 
 numbers = st.one_of(
     st.integers(-3, 3),
@@ -102,7 +103,7 @@ def contents(draw):
 
 
 @given(contents())
-@settings(deadline=None, max_examples=80)
+@examples(80)
 def test_contents_round_trip_and_equal_contents_have_equal_bytes(original):
     data = to_bytes(original)
     assert from_bytes(data) == original
@@ -118,7 +119,7 @@ def test_contents_round_trip_and_equal_contents_have_equal_bytes(original):
 
 
 @given(st.lists(st.text(), max_size=30).map(tuple))
-@settings(deadline=None, max_examples=40)
+@examples(40)
 def test_names_take_at_most_two_bytes_beside_their_text(names):
     text = sum(len(name.encode()) for name in names)
     assert len(encode_names(names)) <= text + 2 * len(names) + 2
@@ -143,7 +144,7 @@ def _read_all_groups(file):
     st.binary(max_size=300),
     st.sampled_from([b"", b"\xa7Z", b"\xa7Z\x02", b"\xa7Z\x1a", b"\xa7Z\x3a"]),
 )
-@settings(deadline=None, max_examples=120)
+@examples(120)
 def test_random_bytes_are_refused(tail, head):
     with pytest.raises(CorruptArchiveError):
         from_bytes(head + tail)
@@ -151,7 +152,7 @@ def test_random_bytes_are_refused(tail, head):
 
 
 @given(st.binary(max_size=120), indices)
-@settings(deadline=None, max_examples=200)
+@examples(200)
 def test_random_bytes_with_a_right_checksum(body, third):
     _assert_refused_or_read(archives.compact(third & 0xF8 | 1, body))
 
@@ -161,7 +162,7 @@ def test_random_bytes_with_a_right_checksum(body, third):
     st.integers(0, 7),
     st.one_of(st.none(), st.integers(0, 200)),
 )
-@settings(deadline=None, max_examples=200)
+@examples(200)
 def test_random_sections_with_right_checksums(original, high, index_offset):
     sections = [archives.section(1, b"\x10\1\1\0\0\0"), archives.section(2, b"\x08\0")][: high & 3]
     sections += [archives.section(kind, body) for kind, body in original]
@@ -179,7 +180,7 @@ INTACT = [to_bytes(original) for original in archives.small_archives().values()]
         max_size=4,
     ),
 )
-@settings(deadline=None, max_examples=80, suppress_health_check=[HealthCheck.too_slow])
+@examples(80, suppress_health_check=[HealthCheck.too_slow])
 def test_mutated_archives_are_refused(data, edits):
     damaged = data
     for place, deleted, inserted in edits:

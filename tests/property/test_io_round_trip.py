@@ -1,13 +1,14 @@
 import io
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError
 from gpszip.io.logs.read import read_logs
 from gpszip.io.logs.write import write_tracks
 from gpszip.model import Track
+from random_tests import examples
 
 NAMES = st.text(
     st.one_of(
@@ -40,7 +41,7 @@ def logs(draw):
     return tracks
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(logs(), st.sampled_from(["csv", "parquet", "geojson"]))
 def test_what_is_written_is_read_again(tracks, format_):
     stream = io.BytesIO()
@@ -55,7 +56,7 @@ def test_what_is_written_is_read_again(tracks, format_):
 CELLS = st.one_of(st.integers(-5, 5).map(str), st.sampled_from(["", "x", "nan", "1e400", "5", "5"]))
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(
     st.lists(st.lists(CELLS, min_size=2, max_size=5), min_size=1, max_size=30),
     st.sampled_from([{"sort": True}, {"split": True}, {}]),
@@ -70,7 +71,7 @@ def test_every_row_is_in_a_track_or_counted(rows, options):
     assert reading.points == reading.kept + reading.lost == len(rows)
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(
     st.binary(max_size=200),
     st.sampled_from(

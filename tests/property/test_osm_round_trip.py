@@ -1,13 +1,14 @@
 """Maps written as OpenStreetMap XML come back as networks."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.geo.planes import to_plane
 from gpszip.io.maps.write import write_map
 from gpszip.io.networks.read import read_road_graph
 from gpszip.model import CleanMap, Plane, RoadMap
+from random_tests import examples
 
 #: Metres between places, far more than the centimetre to which a file is exact.
 STEP = 10.0
@@ -96,7 +97,7 @@ def lines_read(path, plane):
     return sorted(lines)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(road_maps())
 def test_nodes_and_directions_of_a_road_map_come_back(tmp_path_factory, road_map):
     path = tmp_path_factory.mktemp("osm") / "map.osm"
@@ -106,7 +107,7 @@ def test_nodes_and_directions_of_a_road_map_come_back(tmp_path_factory, road_map
     )
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(clean_maps())
 def test_lines_and_directions_of_a_clean_map_come_back(tmp_path_factory, clean_map):
     path = tmp_path_factory.mktemp("osm") / "map.osm"

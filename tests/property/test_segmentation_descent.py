@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.kernels.sums import track_sums
@@ -14,6 +14,7 @@ from gpszip.segmentation.em import segment_mean
 from gpszip.segmentation.mstep import maximize
 from gpszip.segmentation.state import EMState, total_cost
 from oracle import segmentation as oracle
+from random_tests import examples
 
 
 @st.composite
@@ -37,7 +38,7 @@ def problems(draw):
     return Track("t", np.cumsum(steps), positions, weights=weights), k, draw(st.integers(1, k))
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(
     problems(),
     st.sampled_from(["bottom-up", "douglas-peucker"]),
@@ -57,7 +58,7 @@ def test_tau_descends_to_the_reference_cost(problem, initial, expectation):
     )
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(problems(), st.integers(0, 2**32 - 1))
 def test_no_single_step_raises_tau(problem, seed):
     track, k, m = problem

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.model import Track
@@ -17,6 +17,7 @@ from gpszip.sketches.sketch import (
     line_costs,
     merge_sketches,
 )
+from random_tests import examples
 
 numbers = st.floats(-1e3, 1e3, allow_subnormal=False)
 
@@ -35,7 +36,7 @@ def lines(track, seed):
     return rng.uniform(-1e3, 1e3, (2, 4, track.dimension))
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(tracks(), st.integers(0, 12), st.integers(0, 99))
 def test_merged_blocks_have_the_costs_of_one_block(track, cut, seed):
     cut = min(cut, len(track))
@@ -55,7 +56,7 @@ def test_merged_blocks_have_the_costs_of_one_block(track, cut, seed):
     )
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(
     tracks(), st.floats(-500, 500), st.lists(numbers, min_size=3, max_size=3), st.floats(0.1, 10)
 )
@@ -79,7 +80,7 @@ def test_deleting_undoes_inserting(track, time, position, weight):
     assert (restored.first, restored.last, restored.count) == (block.first, block.last, block.count)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(tracks(), st.integers(0, 99))
 def test_the_fitting_matrix_is_symmetric_and_its_trace_is_the_cost(track, seed):
     (start, *_), (end, *_) = lines(track, seed)

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.codec.kernels.walk_model import SORTED_STARTS
@@ -13,6 +13,7 @@ from gpszip.errors import CorruptArchiveError
 from gpszip.model import GridWalks
 from oracle import walk_decoder
 from oracle.walks import assert_same, random_walks, walk
+from random_tests import examples
 
 spread = st.sampled_from([1, 3, 50, 2**12, 2**24, 2**40])
 
@@ -56,7 +57,7 @@ def grid_walks(draw):
 
 
 @given(grid_walks())
-@settings(max_examples=200)
+@examples(200)
 def test_walks_round_trip(walks):
     assert_same(decode(encode(walks), walks.nodes.shape[1], len(walks.walks)), walks)
 
@@ -71,7 +72,7 @@ def encode_some_modes(walks, modes):
 
 
 @given(grid_walks(), st.integers(1, 7))
-@settings(max_examples=120)
+@examples(120)
 def test_walks_round_trip_in_modes(walks, modes):
     data = encode_some_modes(walks, modes)
     assert_same(decode(data, walks.nodes.shape[1], len(walks.walks)), walks)
@@ -79,7 +80,7 @@ def test_walks_round_trip_in_modes(walks, modes):
 
 
 @given(grid_walks())
-@settings(max_examples=100)
+@examples(100)
 def test_the_smallest_payload_is_no_larger_than_without_modes(walks):
     data = encode_smallest(walks)
     assert len(data) <= len(encode(walks))
@@ -113,7 +114,7 @@ def assert_decoders_agree(data, dimension, tracks):
 
 
 @given(st.integers(0, 50), st.integers(1, 7), st.data())
-@settings(max_examples=100)
+@examples(100)
 def test_damaged_walks_in_modes_are_refused_or_decoded(seed, modes, data):
     walks = random_walks(seed, longest=25)
     payload = bytearray(encode_some_modes(walks, modes))
@@ -127,7 +128,7 @@ def test_damaged_walks_in_modes_are_refused_or_decoded(seed, modes, data):
 
 
 @given(st.integers(0, 50), st.data())
-@settings(max_examples=80)
+@examples(80)
 def test_damaged_walks_are_refused_or_decoded(seed, data):
     walks = random_walks(seed, longest=25)
     payload = bytearray(encode(walks))
@@ -148,7 +149,7 @@ def test_damaged_walks_are_refused_or_decoded(seed, data):
     st.integers(1, 5),
     st.integers(0, 3),
 )
-@settings(max_examples=300)
+@examples(300)
 def test_any_bytes_are_refused_or_decoded(knots, timed, gapped, noise, dimension, tracks):
     count = 4 * knots + timed + 2 * gapped
     assert_decoders_agree(

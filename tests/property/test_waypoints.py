@@ -1,11 +1,12 @@
-from hypothesis import given, settings
+from hypothesis import given
 
 from gpszip.codec.waypoints import expand_waypoints, find_waypoints, find_waypoints_by_bisection
 from oracle.paths import fewest_waypoints, maps_with_walks
+from random_tests import examples
 
 
 @given(maps_with_walks())
-@settings(max_examples=150, deadline=None)
+@examples(150)
 def test_walks_round_trip(case):
     graph, route = case
     for compress in (find_waypoints, find_waypoints_by_bisection):
@@ -18,14 +19,14 @@ def test_walks_round_trip(case):
 
 
 @given(maps_with_walks())
-@settings(max_examples=120, deadline=None)
+@examples(120)
 def test_greedy_waypoints_are_as_few_as_any(case):
     graph, route = case
     assert len(find_waypoints(graph, route)) == fewest_waypoints(graph, route)
 
 
 @given(maps_with_walks(max_segments=60))
-@settings(max_examples=120, deadline=None)
+@examples(120)
 def test_bisection_never_beats_greedy(case):
     graph, route = case
     assert (

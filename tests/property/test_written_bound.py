@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from gpszip.archive import new_archive, with_error_bound
@@ -22,6 +22,7 @@ from gpszip.model.error_bound import rounded_bound, writing_error
 from gpszip.model.grid import step_index
 from gpszip.pipeline.compress import compress
 from gpszip.testing.city import city
+from random_tests import examples
 
 FORMATS = ["csv", "parquet", "geojson", "gpx"]
 
@@ -132,7 +133,7 @@ def archive_of(positions, times, plane, bound):
     )
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@examples(25, suppress_health_check=[HealthCheck.too_slow])
 @given(
     st.sampled_from([(48.0, 11.0), (-17.0, 180.0), (80.0, 20.0), (0.0, -179.5), (-80.0, 179.9)]),
     st.lists(

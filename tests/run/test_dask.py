@@ -149,8 +149,8 @@ def test_archives_and_segment_means_are_the_same_on_every_executor(client, two_p
 
 
 def test_archives_of_large_logs_are_the_same_on_a_cluster(client, tmp_path, monkeypatch):
-    force_batches(monkeypatch, batch=2000, subsample=3000)
-    track = patrol(6000, seed=5)
+    force_batches(monkeypatch, batch=500, subsample=750)
+    track = patrol(1500, seed=5)
     log = tmp_path / "log.csv"
     log.write_text(
         "t,x,y\n"

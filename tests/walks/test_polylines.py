@@ -1,12 +1,13 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gpszip.walks import polylines
 from gpszip.walks.polylines import polyline_distances, thin_polyline
 from oracle.polylines import dense_hausdorff, densify, discrete_frechet, far_from_segments
+from random_tests import examples
 
 coordinates = st.integers(-8, 8).map(float)
 
@@ -17,7 +18,7 @@ def lines(min_size=1, max_size=6):
     )
 
 
-@settings(deadline=None, max_examples=60)
+@examples(60)
 @given(lines(), lines())
 def test_distances_are_those_of_dense_points(p, q):
     found = polyline_distances(p, q)
@@ -30,7 +31,7 @@ def test_distances_are_those_of_dense_points(p, q):
         assert found.discrete_frechet == pytest.approx(discrete_frechet(p, q))
 
 
-@settings(deadline=None, max_examples=60)
+@examples(60)
 @given(lines(2), lines(2))
 def test_distances_are_symmetric_and_ordered(p, q):
     there, back = polyline_distances(p, q), polyline_distances(q, p)

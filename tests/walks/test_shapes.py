@@ -2,7 +2,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.model import GridWalks, Track, Walk
@@ -14,6 +14,7 @@ from gpszip.walks.shapes import (
     with_synthetic_times,
 )
 from oracle.walks import walk
+from random_tests import examples
 
 
 def positions_at_fractions(line, fractions):
@@ -31,7 +32,7 @@ def positions_at_fractions(line, fractions):
     return np.array(positions)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 12), st.integers(2, 12))
 def test_shape_errors_match_many_points_at_equal_fractions(seed, n, k):
     rng = np.random.default_rng(seed)

@@ -70,8 +70,8 @@ _HELP = "\n".join(
     "--rmse",
     type=LENGTH,
     metavar="LENGTH",
-    help="RMSE of the thesis's pipeline in tables; by default that of the thesis for generated "
-    "logs, and that at the elbow of the cost for yours.",
+    help="RMSE to aim at; by default that of the thesis for generated "
+    "logs, and that at the elbow of the cost for yours, in peers that of compress.",
 )
 @click.option(
     "--network",

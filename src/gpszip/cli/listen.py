@@ -217,6 +217,7 @@ def _open_sources(
     tell: Any,
 ) -> list[FixSource]:
     """Open the sources that were asked for; standard input if there is none."""
+    # A server for apps.
     sources: list[FixSource] = []
     name = choices["name"] or ""
     if choices["http"]:
@@ -229,6 +230,8 @@ def _open_sources(
         )
         tell(f"listening at http://{server.address}")
         sources.append(server)
+
+    # Brokers and receivers.
     if choices["mqtt"]:
         from gpszip.live.sources.mqtt import MqttSource
 
@@ -241,6 +244,8 @@ def _open_sources(
         from gpszip.live.sources.nmea import open_nmea
 
         sources.append(open_nmea(address, name, notices))
+
+    # Standard input.
     if choices["stdin"] or not sources:
         from gpszip.io.tables.roles import parse_columns
         from gpszip.live.sources.stdin import StreamSource

@@ -58,6 +58,7 @@ _COMMANDS = (
     "trips",
     "usage",
     "route",
+    "rounds",
     "changes",
     "predict",
     "unusual",

@@ -97,8 +97,9 @@ def command(
     Times are those of the log. Each track is a sender of its own name. What is not acknowledged is
     sent again, as apps do. Formats of LOG: LOG_FORMATS.
     """
+    from gpszip.cli.output import print_status
     from gpszip.cli.summary import print_losses
-    from gpszip.errors import OptionError
+    from gpszip.errors import OptionError, OutputError
     from gpszip.io.logs.read import read_logs
     from gpszip.live.replay.play import play, samples_of
 
@@ -116,7 +117,13 @@ def command(
 
     # Send.
     samples = samples_of(read_result.tracks)
-    played = play(samples, open_target, speed, connections)
+    tell = (lambda _line: None) if quiet or settings.json else print_status
+    try:
+        played = play(
+            samples, open_target, speed, connections, lambda text: tell(f"{target}: {text}")
+        )
+    except OutputError as error:
+        raise error.located_at(target) from error
     _print_result(target, samples, played, settings, quiet=quiet)
     return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
 
@@ -166,6 +173,7 @@ def _print_result(
     from gpszip.cli.output import print_json, print_status
     from gpszip.cli.units import format_count, format_duration
 
+    # For programs.
     tracks = len({sample.track for sample in samples})
     if settings.json:
         facts = {
@@ -178,6 +186,8 @@ def _print_result(
         }
         print_json(facts, err=target == "-")
         return
+
+    # For a person.
     if quiet:
         return
     text = (

@@ -422,6 +422,27 @@ _CHANGES: Fields = {
     },
 }
 
+#: What gpszip rounds says.
+_ROUNDS: Fields = {
+    "rounds": "integer: complete rounds",
+    "complete": "integer: those that cover the usual round",
+    "usual": _list(
+        _object(
+            {
+                "edge": "integer: edge of the clean map",
+                "forward": "boolean: whether it is travelled from its start to its end",
+            }
+        ),
+        "the usual round in the order of travel",
+    ),
+    "length": "number: its metres",
+    "duration": "number|null: median seconds of a round; null without times",
+    "regularity": "number: share of travel that the usual round tells",
+    "output": "string|null: the table of rounds",
+    "edges_output": "string|null: the table of edges",
+    "read": _USAGE["read"],
+}
+
 #: What gpszip diff says of one track.
 _TRACK_DIFFERENCE: Fields = {
     "id": "string: the track",
@@ -716,6 +737,7 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "split": (_PARTS, {}),
     "usage": (_USAGE, {}),
     "route": (_PLAN, {}),
+    "rounds": (_ROUNDS, {}),
     "changes": (_CHANGES, {}),
     "predict": (_PREDICT, {}),
     "unusual": (_UNUSUAL, {}),

@@ -158,6 +158,7 @@ def _draw_lines(axes: Axes, lines: Lines, order: float) -> list[Any]:
     from matplotlib.collections import LineCollection
     from matplotlib.lines import Line2D
 
+    # The lines.
     axes.add_collection(
         LineCollection(
             [from_above(path) for path in lines.paths],
@@ -170,6 +171,8 @@ def _draw_lines(axes: Axes, lines: Lines, order: float) -> list[Any]:
         ),
         autolim=False,
     )
+
+    # A line of their colour, or of the first colour.
     if not lines.name or not len(lines.paths):
         return []
     color = lines.color if isinstance(lines.color, str) else lines.color[0]

@@ -26,6 +26,9 @@ _WIDTHS = (0.9, 2.2)
 #: Size of the heads of arrows, in points.
 _HEAD = 6.0
 
+#: Metres below which a segment has no direction that could be drawn.
+_SHORTEST = 1e-6
+
 #: Line width of transitions, in points.
 _TRANSITION = 0.5
 
@@ -92,7 +95,7 @@ def _draw_transitions(axes: Axes, model: MarkovModel, pairs: NDArray[np.int32]) 
 
 def _draw_arrow(axes: Axes, start: Floats, end: Floats, color: str, width: float) -> None:
     """Draw a segment; one without a length, a stop, is a dot."""
-    if np.allclose(start, end):
+    if float(np.abs(end - start).max()) < _SHORTEST:
         axes.plot(*start, marker="o", markersize=3, color=color, mew=0, zorder=3)
         return
     axes.annotate(

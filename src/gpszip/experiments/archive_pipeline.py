@@ -59,12 +59,15 @@ def run_archive(tracks: Sequence[Track], rmse: float, *, quick: bool = False) ->
     >>> result.rmse <= 0.6, result.bytes_without_times < result.bytes < 200
     (True, True)
     """
+    # With times, which the clock measures, and without.
     options = Options(rmse=max(rmse, _MIN_RMSE))
     options = replace(options, effort=1) if quick else options
     seconds: dict[str, float] = {}
     with measured(seconds, "compress"):
         archive, report = compress(tracks, options)
     shapes, _ = compress(tracks, replace(options, times=False))
+
+    # Sizes and errors.
     return ArchiveResult(
         archive=archive,
         bytes=archive.size,

@@ -92,6 +92,7 @@ class _Result:
 
 def run(setting: Setting) -> Outcome:
     """Compress each log with each method within the same RMSE, and within the same maximum."""
+    # Lines that were made for one error are there for the others.
     factors = _QUICK_FACTORS if setting.quick else _FACTORS
     by_rmse, by_maximum = [], []
     logs = _logs(setting)
@@ -124,10 +125,13 @@ def _logs(setting: Setting) -> list[_Log]:
 
     Generated logs have the RMSE of table 8.1 or a few times their noise.
     """
+    # The user's.
     if setting.logs:
         gaps = find_gaps_of_all(setting.logs, estimate_gap(setting.logs))
         rmse = setting.rmse or suggest_rmse(setting.logs, gaps)
         return [_Log("log", setting.logs, rmse)]
+
+    # Generated ones.
     seed = setting.seed
     if setting.quick:
         return [
@@ -147,8 +151,10 @@ def _results(
     log: _Log, search: Search, allowed: float, criterion: Criterion, *, quick: bool
 ) -> Iterator[_Result]:
     """Yield the file of each method that is installed and holds the error."""
-    # GPSZip, then simplifiers with their coders, then all samples.
+    # GPSZip.
     yield _Result(log.name, len(log), allowed, "GPSZip", _gpszip(log, allowed, criterion, quick))
+
+    # Simplifiers with their coders.
     missing = missing_coders()
     for method in SIMPLIFIERS:
         if not _runs(method, log):
@@ -158,6 +164,8 @@ def _results(
                 encoded = search.simplified(method, coder, allowed, criterion)
                 if encoded is not None:
                     yield _Result(log.name, len(log), allowed, f"{method.name} + {coder}", encoded)
+
+    # All samples.
     for coder in _COLUMNS:
         if coder not in missing:
             encoded = search.on_samples(coder, allowed, criterion)

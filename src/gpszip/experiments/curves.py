@@ -26,6 +26,9 @@ _LEGEND = 42.0
 #: Colours and markers of curves, one after the other.
 _COLORS, _MARKERS = (*CYCLE, INK, "#7F7F7F"), "os^vDPX<"
 
+#: Range, from which on a logarithmic scale has ticks at powers of ten only.
+_DECADES = 500.0
+
 #: Height of charts relative to their width.
 _ASPECT = 0.6
 
@@ -101,15 +104,18 @@ def draw_curves(
 
 
 def _round_numbers(low: float, high: float) -> list[float]:
-    """Return 1, 2 and 5 times powers of ten in a range.
+    """Return 1, 2 and 5 times powers of ten in a range, of a long range the powers only.
 
     Examples
     --------
     >>> _round_numbers(0.3, 12.0)
     [0.5, 1.0, 2.0, 5.0, 10.0]
+    >>> _round_numbers(1.0, 1e4)
+    [1.0, 10.0, 100.0, 1000.0, 10000.0]
     """
+    digits = (1, 2, 5) if high < _DECADES * low else (1,)
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    numbers = [digit * 10.0**power for power in powers for digit in (1, 2, 5)]
+    numbers = [digit * 10.0**power for power in powers for digit in digits]
     return [number for number in numbers if low <= number <= high]
 
 

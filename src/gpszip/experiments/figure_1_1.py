@@ -96,6 +96,7 @@ def _densest(density: _Density, side: float) -> Floats:
 
 
 def _table(densities: dict[str, _Density]) -> Table:
+    # Points that are shown, and how they are spread.
     columns = (
         Column("picture", "picture"),
         Column("points", "points"),
@@ -103,6 +104,8 @@ def _table(densities: dict[str, _Density]) -> Table:
         Column("cells", "cells with points"),
         Column("most", "most in a cell"),
     )
+
+    # A row for each picture.
     rows: tuple[Mapping[str, Value], ...] = tuple(
         {
             "picture": name,

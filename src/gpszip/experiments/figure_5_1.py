@@ -81,6 +81,7 @@ def _path(patching: Patching, gap: Patch) -> Floats:
 
 def _table(patching: Patching, log: LogWithTruth | None) -> Table:
     """Count gaps, and measure both ways of filling them against the truth, where it is known."""
+    # Gaps, and distances.
     row: dict[str, Value] = {
         "gap_s": patching.gap,
         "gaps": len(patching.patches),
@@ -90,7 +91,7 @@ def _table(patching: Patching, log: LogWithTruth | None) -> Table:
     if log is not None:
         row["joined_rmse_m"], row["patched_rmse_m"] = _errors(patching, log)
 
-    # Distances are those at the samples that were added.
+    # Distances are those at the samples that were added; blank where the truth is not known.
     columns = (
         Column("gap_s", "gap s"),
         Column("gaps", "gaps"),

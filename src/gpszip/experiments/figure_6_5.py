@@ -61,6 +61,7 @@ def _find(setting: Setting) -> tuple[Track, SegmentMean]:
 
 def _table(mean: SegmentMean, segment_map: SegmentMap) -> Table:
     """Return the sizes of the map, and how often parts lie on segments and transitions."""
+    # Sizes, and the busiest segment and transition.
     columns = (
         Column("k", "k"),
         Column("m", "m"),
@@ -70,6 +71,8 @@ def _table(mean: SegmentMean, segment_map: SegmentMap) -> Table:
         Column("most_traversals", "most parts on a segment"),
         Column("most_passages", "most passages of a transition"),
     )
+
+    # One map, one row.
     row = {
         "k": mean.k,
         "m": mean.m,

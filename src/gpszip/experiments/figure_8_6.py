@@ -112,6 +112,7 @@ def _described(name: str, archive: Archive) -> str:
 
 def _table(archives: dict[str, Archive]) -> Table:
     """Return the size of each archive and of its map, and the sum of both."""
+    # A row for each archive.
     rows: list[dict[str, Value]] = []
     for name, archive in archives.items():
         clean = archive.clean_map()

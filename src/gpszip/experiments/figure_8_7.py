@@ -90,12 +90,15 @@ def _tables(
 def _pictures(
     k: int, by_m: list[tuple[int, float]], by_size: list[tuple[int, int, float]]
 ) -> tuple[Picture, ...]:
+    # A curve over m, and one over the coreset for each m.
     left = [Curve(f"k = {k}", [m for m, _ in by_m], [rmse for _, rmse in by_m])]
     right = []
     for m in sorted({m for m, _, _ in by_size}):
         points = sorted((size, rmse) for each, size, rmse in by_size if each == m)
         sizes, errors = [size for size, _ in points], [rmse for _, rmse in points]
         right.append(Curve(f"m = {m}", sizes, errors))
+
+    # RMSE spans powers of ten.
     return (
         Picture(
             "left",

@@ -61,11 +61,14 @@ _LOGS: tuple[tuple[str, str, Callable[[int], LogWithTruth]], ...] = (
 
 def run(setting: Setting) -> Outcome:
     """Draw each log over its map, and count what it holds. Logs of the user are not used."""
+    # A picture of each log.
     logs = [(name, text, generate(setting.seed)) for name, text, generate in _LOGS]
     pictures = tuple(
         Picture(name, f"{text[0].upper()}{text[1:]}: the log over its true map.", _draw(log))
         for name, text, log in logs
     )
+
+    # A row for each.
     columns = (
         Column("log", "log"),
         Column("about", "what it is"),

@@ -25,10 +25,11 @@ def patched(track: Track, network: Network, interval: float) -> Track:
     Examples
     --------
     >>> from gpszip.testing import ring
-    >>> log = ring(8, laps=2, samples=8, noise=0.0)
-    >>> sparse = Track("0", log.tracks[0].times[::4], log.tracks[0].positions[::4])
-    >>> len(patched(sparse, log.network, 10.0)) > len(sparse)
-    True
+    >>> log = ring(12, laps=3, samples=20, noise=1.0)
+    >>> samples = [*range(100), *range(180, len(log))]
+    >>> track = Track("0", log.tracks[0].times[samples], log.tracks[0].positions[samples])
+    >>> len(patched(track, log.network, 10.0)) - len(track)
+    80
     """
     (filled,) = patch(track, network, gap=interval).to_tracks()
     return Track(filled.id, filled.times, filled.positions, plane=filled.plane)

@@ -123,7 +123,8 @@ def run(setting: Setting) -> Outcome:
     notes = (
         f"Archives hold an RMSE of {rmse:.3g} m with effort {_EFFORT}; the segment mean has "
         f"k = {_K} and m = {_M}, or a tenth with --quick.",
-        "Seconds are CPU seconds of all threads. Memory is what a step takes beyond the log.",
+        "Seconds are CPU seconds of all threads. Memory is what a step takes beyond what the "
+        "process holds already, some of which earlier steps have left free.",
         f"An archive has at most {_MOST_AXES} dimensions.",
     )
     return Outcome(tables, pictures, notes)
@@ -281,7 +282,7 @@ def waypoints_of(log: LogWithTruth) -> int:
     Examples
     --------
     >>> waypoints_of(ring(6, laps=1)), waypoints_of(complete_graph(6, steps=100))
-    (3, 101)
+    (4, 101)
     """
     graph = build_road_graph(log.road_map.nodes, log.road_map.edges)
     walk = log.walks[0]

@@ -78,5 +78,5 @@ def join_histories(first: Archive, second: Archive) -> tuple[History, NDArray[np
     network = clean_map_network(
         clean_map(road_map, walks, resolution), "both archives", plane=plane
     )
-    rows = match_traversals(pieces, network, ids, owners, gap=np.inf, keep_outliers=True)
+    rows = match_traversals(pieces, network, ids, owners, gap=np.inf, are_knots=True)
     return History(network, rows), rows.track >= len(first.ids)

@@ -10,15 +10,22 @@ from numpy.typing import NDArray
 
 from gpszip.history.traversals import Traversals
 from gpszip.history.trips import MIN_STOP
-from gpszip.model import Track
+from gpszip.model import Network, Track
 
-__all__ = ["LogTrip", "OffMap", "list_trips"]
+__all__ = ["LogTrip", "OffMap", "find_far_samples", "list_trips"]
 
 #: Seconds without a sample after which a new trip begins.
 _MIN_GAP = 300.0
 
 #: Metres off the map that count; less are errors of the receiver beside its roads.
 _MIN_METRES = 100.0
+
+#: Metres from the nearest edge at which a sample is off the map, whatever it was matched to: a log
+#: that is mostly off the map is taken for one with large errors.
+_FAR = 100.0
+
+#: Metres between the points of edges to which distances are measured.
+_SPACING = 25.0
 
 #: Seconds by which times of traversals may be off those of samples, which they are computed from.
 _ROUNDING = 1e-3
@@ -67,7 +74,36 @@ class LogTrip:
     off_map: tuple[OffMap, ...]
 
 
-def list_trips(tracks: Sequence[Track], traversals: Traversals) -> Iterator[LogTrip]:
+def find_far_samples(tracks: Sequence[Track], network: Network) -> list[NDArray[np.bool_]]:
+    """Whether each sample of each track is farther than 100 m from all edges.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        A log on the plane of the network.
+    network : Network
+        The edges.
+    """
+    from scipy.spatial import KDTree
+
+    # Points along all edges.
+    total = np.concatenate(([0.0], np.cumsum(network.lengths)))
+    along = network.along + total[:-1].repeat(np.diff(network.offsets))
+    at = np.arange(0.0, total[-1] + _SPACING, _SPACING)
+    axes = [np.interp(at, along, axis) for axis in network.points[:, :2].T]
+    tree = KDTree(np.stack(axes, axis=1))
+    far = []
+    for track in tracks:
+        distance, _ = tree.query(np.asarray(track.positions, np.float64)[:, :2])
+        far.append(np.asarray(distance > _FAR + 0.5 * _SPACING, np.bool_))
+    return far
+
+
+def list_trips(
+    tracks: Sequence[Track],
+    traversals: Traversals,
+    far: Sequence[NDArray[np.bool_]] | None = None,
+) -> Iterator[LogTrip]:
     """Cut each track at gaps and stops of five minutes or more, and find its travel off the map.
 
     Parameters
@@ -76,6 +112,8 @@ def list_trips(tracks: Sequence[Track], traversals: Traversals) -> Iterator[LogT
         A log with times.
     traversals : Traversals
         Its traversals; ``traversals.track`` are indices of ``tracks``.
+    far : sequence of bool arrays, shape (n,), optional
+        Whether each sample of each track is far from all edges (:func:`find_far_samples`).
     """
     bounds = np.searchsorted(traversals.track, np.arange(len(tracks) + 1))
     for number, track in enumerate(tracks):
@@ -101,7 +139,12 @@ def list_trips(tracks: Sequence[Track], traversals: Traversals) -> Iterator[LogT
                 float(span[0]),
                 float(span[-1]),
                 own,
-                tuple(_off_map(track, samples, traversals, own)),
+                (
+                    *_off_map(track, samples, traversals, own),
+                    *_far_runs(
+                        track, samples, traversals, own, None if far is None else far[number]
+                    ),
+                ),
             )
 
 
@@ -130,3 +173,33 @@ def _off_map(
         metres = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
         if metres >= _MIN_METRES:
             yield OffMap(start, end, metres, line[len(line) // 2])
+
+
+def _far_runs(
+    track: Track,
+    samples: NDArray[np.int64],
+    traversals: Traversals,
+    rows: NDArray[np.int64],
+    far: NDArray[np.bool_] | None,
+) -> Iterator[OffMap]:
+    """Travel far from all edges that was matched to some edge all the same."""
+    if far is None or not len(rows) or not far[samples].any():
+        return
+
+    # Samples while the trip is on edges, as the others are told already.
+    times = np.asarray(track.times, np.float64)
+    first = np.flatnonzero(traversals.starts[rows] | (np.arange(len(rows)) == 0))
+    last = np.append(first[1:], len(rows)) - 1
+    enter, leave = traversals.enter[rows[first]], traversals.leave[rows[last]]
+    piece = np.searchsorted(enter, times[samples] + _ROUNDING, side="right") - 1
+    is_matched = (piece >= 0) & (times[samples] <= leave[np.maximum(piece, 0)] + _ROUNDING)
+    chosen = far[samples] & is_matched
+
+    # Runs of them that are long enough.
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], chosen.astype(np.int8), [0]))))
+    for begin, after in edges.reshape(-1, 2).tolist():
+        run = samples[begin:after]
+        line = np.asarray(track.positions, np.float64)[run]
+        metres = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+        if metres >= _MIN_METRES:
+            yield OffMap(float(times[run[0]]), float(times[run[-1]]), metres, line[len(line) // 2])

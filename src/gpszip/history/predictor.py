@@ -439,7 +439,7 @@ class Predictor:
 
     def _hour(self, time: float | None) -> int | None:
         """Hour of the day, if the archive's times tell it."""
-        if time is None or not self._has_hours:
+        if time is None or not self._has_hours or not math.isfinite(time):
             return None
         return int(time // _HOUR) % _HOURS
 

@@ -186,9 +186,7 @@ def read_history(archive: Archive) -> History:
     pieces = archive.decompress()
     number, names = {track: i for i, track in enumerate(archive.ids)}, archive.pieces
     owners = [number[names[piece.id]] for piece in pieces]
-    traversals = match_traversals(
-        pieces, network, archive.ids, owners, gap=np.inf, keep_outliers=True
-    )
+    traversals = match_traversals(pieces, network, archive.ids, owners, gap=np.inf, are_knots=True)
     return History(network, traversals)
 
 
@@ -199,7 +197,7 @@ def match_traversals(
     owners: Sequence[int],
     *,
     gap: float | None = None,
-    keep_outliers: bool = False,
+    are_knots: bool = False,
 ) -> Traversals:
     """Match tracks to a network, and list the traversals of its edges.
 
@@ -215,11 +213,11 @@ def match_traversals(
         Which of them each track belongs to; never decreases.
     gap : float, optional
         Seconds of a gap, as for :func:`gpszip.match`.
-    keep_outliers : bool, default False
-        Whether outliers are matched like other samples.
+    are_knots : bool, default False
+        Whether the samples are the knots of an archive, as for ``match``.
     """
     # Match, and find the times at which routes pass nodes, all pieces on one line.
-    matching = match(tracks, network, gap=gap, keep_outliers=keep_outliers)
+    matching = match(tracks, network, gap=gap, are_knots=are_knots)
     timed = np.array([track.timed for track in tracks], np.bool_)
     clocks = [np.asarray(track.times, np.float64) for track in tracks]
     knots = _list_knots(matching.matches, clocks)

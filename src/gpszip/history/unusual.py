@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 
 from gpszip.geo.planes import to_geographic
 from gpszip.history.absences import find_absences
-from gpszip.history.log_trips import LogTrip, list_trips
+from gpszip.history.log_trips import LogTrip, find_far_samples, list_trips
 from gpszip.history.pass_index import index_passes
 from gpszip.history.predictor import Predictor, hours_of_day
 from gpszip.history.read_route import tell_route
 from gpszip.history.route_surprise import Part, direction_bits, surprising_parts, turn_bits
 from gpszip.history.traversals import History, Traversals
 from gpszip.history.usual import learn_paces, learn_stops, pace_groups
-from gpszip.model import Plane, Track
+from gpszip.model import Network, Plane, Track
 from gpszip.model.unusual import Anomaly, Unusual, UnusualTrip
 
 __all__ = ["Usual", "find_unusual"]
@@ -54,7 +54,12 @@ _TOLD_BITS = 6.0
 Ints = NDArray[np.int64]
 
 
-def find_unusual(usual: Usual, tracks: Sequence[Track], traversals: Traversals) -> Unusual:
+def find_unusual(
+    usual: Usual,
+    tracks: Sequence[Track],
+    traversals: Traversals,
+    network: Network | None = None,
+) -> Unusual:
     """Score the trips of a log.
 
     Parameters
@@ -65,13 +70,17 @@ def find_unusual(usual: Usual, tracks: Sequence[Track], traversals: Traversals) 
         The log, with times, on the plane of the archive.
     traversals : Traversals
         Traversals of the log on the archive's network; ``track`` are indices of ``tracks``.
+    network : Network, optional
+        That network on the plane of the log, if it is not that of the archive.
 
     Returns
     -------
     Unusual
         Each trip with its score and its unusual parts, in the order of the log.
     """
-    trips = [usual.score(trip, tracks, traversals) for trip in list_trips(tracks, traversals)]
+    far = find_far_samples(tracks, network or usual.network)
+    listed = list_trips(tracks, traversals, far)
+    trips = [usual.score(trip, tracks, traversals) for trip in listed]
     absences = find_absences(usual.rows, tracks, traversals)
     return Unusual(tuple(trips), absences, usual.network.plane is not None)
 

@@ -240,23 +240,25 @@ class Journal:
             with as_output_error(self.folder):
                 delete_archived(self.folder)
                 for path in segments(self.folder)[-1:]:
-                    self._cut(path)
+                    with contextlib.suppress(FileNotFoundError):
+                        self._cut(path)
         except BaseException:
             self._lock.release()
             raise
 
     def recent(self, max_bytes: int = 256 << 20) -> Iterator[Fix]:
         """Yield the fixes of the last segments, oldest first, of so many bytes at most."""
-        # Choose them from the end.
+        # Choose them from the end. A segment may be archived and deleted meanwhile.
         chosen: list[Path] = []
         size = 0
         for path in reversed(segments(self.folder)):
-            size += path.stat().st_size
+            with contextlib.suppress(FileNotFoundError):
+                size += path.stat().st_size
             if size > max_bytes and chosen:
                 break
             chosen.append(path)
 
-        # A segment may be archived and deleted meanwhile.
+        # Read them.
         for path in reversed(chosen):
             tail = Tail()
             with contextlib.suppress(FileNotFoundError):

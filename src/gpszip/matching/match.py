@@ -43,7 +43,7 @@ def match(
     gap: float | None = None,
     heading: float | None = None,
     ignore_oneway: bool = False,
-    keep_outliers: bool = False,
+    are_knots: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Matching:
     """Find the roads that tracks took.
@@ -73,9 +73,9 @@ def match(
         Whether all roads may be travelled in both directions, as by pedestrians. Otherwise samples
         that travel against a one-way road are on no road, and their break has the reason
         ``"one-way"``.
-    keep_outliers : bool, default False
-        Whether outliers are matched like other samples, as the knots of an archive are: few of them
-        tell of an agent that goes to and fro.
+    are_knots : bool, default False
+        Whether the samples are the knots of an archive. These have no noise, so that none is left
+        out as an outlier and they are not averaged: few of them may tell of many rounds.
     progress : callable, optional
         Called with the share of the samples that is done.
 
@@ -129,12 +129,10 @@ def match(
 
     # 1. prepare the tracks
     outliers = [
-        np.zeros(len(track), np.bool_)
-        if keep_outliers
-        else find_outliers(track.times, track.positions)
+        np.zeros(len(track), np.bool_) if are_knots else find_outliers(track.times, track.positions)
         for track in tracks
     ]
-    observations, windows = _prepare_tracks(tracks, outliers, index, gap)
+    observations, windows = _prepare_tracks(tracks, outliers, index, gap, are_knots)
 
     # 2. scales of the log and of each track
     work = create_workspace(index)
@@ -210,11 +208,12 @@ def _prepare_tracks(
     outliers: Sequence[NDArray[np.bool_]],
     index: RoadIndex,
     gap: float | None,
+    are_knots: bool,
 ) -> tuple[list[Observations], list[int]]:
     """Convert tracks to observations in the coordinates of the index.
 
-    Outliers are removed, gaps marked, and positions averaged. Also returns the averaging window of
-    each track.
+    Outliers are removed, gaps marked, and positions averaged unless they are knots. Also returns
+    the averaging window of each track.
     """
     # Without outliers, with gaps.
     if gap is None:
@@ -232,6 +231,9 @@ def _prepare_tracks(
         )
         for track, is_outlier in zip(tracks, outliers, strict=True)
     ]
+
+    if are_knots:
+        return raw, [1] * len(raw)
 
     # Averaged where an agent is slow for its noise.
     max_noise = guess_error(index, raw)

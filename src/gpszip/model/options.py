@@ -31,7 +31,7 @@ class Options:
         log by default.
     k, m : int, optional
         Parts and segments of the thesis's model (Algorithm 1), which is used where either is given.
-        The other is searched: m as in Algorithm 3, k as the smallest that holds the bound.
+        The other is searched: with a bound as the smallest that holds it, else m as in Algorithm 3.
     times : bool
         Keep the time of every knot.
     keep : tuple of str

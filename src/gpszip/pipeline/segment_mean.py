@@ -48,6 +48,14 @@ _MOST_SEGMENTS = 300
 #: Most segments m that are searched at first; the same holds.
 _MOST_DISTINCT = 100
 
+#: Samples above which k and m are searched on a coreset: a search on more takes minutes. One on a
+#: patrol of 72,273 samples takes 28 s.
+_MAX_SEARCHED = 200_000
+
+#: Blocks of that coreset. Of the patrol, it finds k = 35 and m = 7 in 9 s; a search on all finds
+#: k = 45 and m = 8.
+_SEARCH_BLOCKS = 2400
+
 #: Decimals of seconds, as everywhere in files.
 _TIME_DECIMALS = 6
 
@@ -272,14 +280,17 @@ def _search(
     """Search what was left out at the elbow of the cost."""
     from gpszip.segmentation.search import find_parameters
 
-    # Widen a range that nobody gave while the elbow lies in its upper half.
+    # Search many samples on a coreset.
+    searched = _searched_signal(signal, k, m)
     memo = memo or Memo()
+
+    # Widen a range that nobody gave while the elbow lies in its upper half.
     most_parts, most_segments = _MOST_SEGMENTS, _MOST_DISTINCT
     while True:
-        ks = _parts_range(signal, k, m, most_parts)
+        ks = _parts_range(searched, k, m, most_parts)
         ms = _segments_range(ks, k, m, most_segments)
         found = find_parameters(
-            signal.problem,
+            searched.problem,
             ks,
             ms,
             memo=memo,
@@ -289,9 +300,25 @@ def _search(
         wider_k = k is None and ks[1] == most_parts and found.k > most_parts // 2
         wider_m = m is None and k is None and ms[1] == most_segments and found.m > ms[1] // 2
         if not (wider_k or wider_m):
-            return found.mean
+            break
         most_parts *= 2 if wider_k else 1
         most_segments *= 2 if wider_m else 1
+
+    # Of a coreset, only k and m count.
+    if searched is signal:
+        return found.mean
+    return signal.problem.solve(found.k, found.m)
+
+
+def _searched_signal(signal: Signal, k: Numbers, m: Numbers) -> Signal:
+    """Return the signal on which k and m are searched: of many samples, a coreset."""
+    numbers = [each for each in (k, m) if each is not None]
+    asked = max((each if isinstance(each, int) else each[1] for each in numbers), default=1)
+    too_many_parts = max(asked, len(signal.begins)) > _SEARCH_BLOCKS // 2
+    if signal.coreset is not None or len(signal.joined) <= _MAX_SEARCHED or too_many_parts:
+        return signal
+    blocks = _coreset_of_runs(signal.joined, signal.begins, _SEARCH_BLOCKS)
+    return replace(signal, coreset=blocks)
 
 
 def _parts_range(signal: Signal, k: Numbers, m: Numbers, most: int) -> tuple[int, int]:

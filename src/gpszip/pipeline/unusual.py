@@ -28,4 +28,4 @@ def unusual(tracks: Sequence[Track], archive: Archive) -> Unusual:
     network = network_for(tracks, archive)
     ids = tuple(track.id for track in tracks)
     rows = match_traversals(tracks, network, ids, list(range(len(tracks))))
-    return find_unusual(Usual(read_history(archive)), tracks, rows)
+    return find_unusual(Usual(read_history(archive)), tracks, rows, network)

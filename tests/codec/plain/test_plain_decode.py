@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.codec.ends import find_piece_ends
@@ -17,6 +17,7 @@ from gpszip.errors import CorruptArchiveError
 from gpszip.model import GridWalks, QuantisationGrid
 from gpszip.model.grid import step_size
 from oracle.walks import assert_same, random_walks, walk
+from random_tests import examples
 
 #: More work than any test takes.
 PLENTY = 10**9
@@ -37,7 +38,7 @@ def assert_agrees(data, dimension, tracks, grid=None):
 @pytest.mark.parametrize("modes", range(8))
 @pytest.mark.parametrize("seed", range(12))
 def test_random_walks_are_decoded_as_by_the_compiled_decoder(seed, modes):
-    walks = random_walks(seed, longest=200)
+    walks = random_walks(seed, longest=100)
     if walks.timed or not modes & SORTED_STARTS:
         # expensive steps make an encoder take targets wherever it can
         step_bits = np.full(sum(len(one.nodes) for one in walks.walks), 20.0)
@@ -50,7 +51,7 @@ def test_random_walks_are_decoded_as_by_the_compiled_decoder(seed, modes):
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(100, 170))
-@settings(max_examples=60)
+@examples(60)
 def test_ends_are_decoded_as_by_the_compiled_decoder(seed, time):
     rng = np.random.default_rng(seed)
     walks = random_walks(4 * (seed % 1000) + 1)
@@ -70,7 +71,7 @@ def test_ends_are_decoded_as_by_the_compiled_decoder(seed, time):
 
 
 @given(st.binary(max_size=60), st.integers(1, 4), st.integers(0, 3))
-@settings(max_examples=200)
+@examples(200)
 def test_any_bytes_are_refused_or_decoded_as_by_the_compiled_decoder(noise, dimension, tracks):
     grid = QuantisationGrid((0,) * dimension, 0, 128, 128)
     data = bytes([4 * 30 + 3]) + noise

@@ -3,7 +3,7 @@
 import json
 
 import numpy as np
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError
@@ -11,6 +11,7 @@ from gpszip.io.logs.formats import format_for_reading
 from gpszip.io.logs.geojson.read import read_geojson
 from gpszip.io.logs.raw import Request
 from gpszip.io.storage.source import Source
+from random_tests import examples
 
 LINE = {"type": "LineString", "coordinates": [[8, 50, 300], [8.1, 50.1, 301], [8.2, 50.2]]}
 SEVERAL = {"type": "MultiLineString", "coordinates": [[[8, 50]], [[8.1, 50.1], [8.2, 50.2]]]}
@@ -178,7 +179,7 @@ def check(data, request):
         text.encode()
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(text=texts(), request=REQUESTS)
 @example(
     text='{"type":"Point","coordinates":[8,50],"properties":{"time":' + "9" * 4000 + "}}",
@@ -188,7 +189,7 @@ def test_no_change_of_a_document_breaks_the_reader(text, request):
     check(text.encode("utf-8", "surrogatepass"), request)
 
 
-@settings(max_examples=80, deadline=None)
+@examples(80)
 @given(
     text=documents(),
     changes=st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), max_size=4),

@@ -2,12 +2,13 @@ import io
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError
 from gpszip.io.large.store import store_logs
 from gpszip.io.logs.read import read_logs
+from random_tests import examples
 
 EIGHT = 1714809600.0  # 2024-05-04T08:00:00Z
 EXCEL, MATLAB = 25569, 719529  # 1970-01-01
@@ -202,7 +203,7 @@ def test_what_may_be_degrees_is_reported():
     assert len(told(read(csv(np.arange(60) * 600, glacier, "t,x,y")))) == 1
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(
     seed=st.integers(0, 2**32 - 1),
     size=st.floats(1, 100),

@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError
@@ -16,6 +16,7 @@ from gpszip.io.logs.raw import Request
 from gpszip.io.logs.read import read_logs
 from gpszip.io.storage.source import Source
 from oracle import fit as f
+from random_tests import examples
 
 pytest.importorskip("fitdecode")
 
@@ -38,7 +39,7 @@ def read(data, **options):
 # Positions and times
 
 
-@settings(max_examples=50, deadline=None)
+@examples(50)
 @given(
     st.lists(
         st.tuples(

@@ -4,7 +4,7 @@ from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError
@@ -15,6 +15,7 @@ from gpszip.io.logs.raw import Request
 from gpszip.io.logs.read import read_logs
 from gpszip.io.storage.source import Source
 from oracle import google as g
+from random_tests import examples
 
 START = datetime(2024, 5, 4, 8, 0, 30, 120_000, tzinfo=timezone(timedelta(hours=2)))
 ROWS = [(START + timedelta(minutes=i), 48 + i / 1e3, -11 - i / 1e3, 7) for i in range(12)]
@@ -47,7 +48,7 @@ def rows_of(log):
 # Positions and times
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     st.sampled_from(sorted(FORMS)),
     st.lists(

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError, UnknownFormatError
@@ -15,6 +15,7 @@ from gpszip.io.logs.gpx.read import read_gpx
 from gpszip.io.logs.raw import Request, UnreadableCell
 from gpszip.io.logs.read import read_logs
 from gpszip.io.storage.source import Source
+from random_tests import examples
 
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<gpx version="1.1" creator="test" xmlns="http://www.topografix.com/GPX/1/1">'
 
@@ -516,7 +517,7 @@ def files(draw):
     )
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(data=files())
 def test_all_points_come_out_as_an_independent_parse_has_them(data):
     root = ET.fromstring(data)

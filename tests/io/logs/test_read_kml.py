@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pyarrow as pa
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError
@@ -18,6 +18,7 @@ from gpszip.io.logs.kml.read import read_kml
 from gpszip.io.logs.raw import Request
 from gpszip.io.logs.read import read_logs
 from gpszip.io.storage.source import Source
+from random_tests import examples
 
 HEAD = (
     '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2" '
@@ -514,7 +515,7 @@ def files(draw):
     return data(*parts)
 
 
-@settings(max_examples=80, deadline=None)
+@examples(80)
 @given(file=files())
 def test_all_points_come_out_as_an_independent_parse_has_them(file):
     expected = [

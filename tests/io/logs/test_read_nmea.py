@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError
@@ -17,6 +17,7 @@ from gpszip.io.logs.read import read_logs
 from gpszip.io.storage.source import Source
 from oracle import nmea
 from oracle.nmea import gga, gll, rmc, sentence, zda
+from random_tests import examples
 
 START = datetime(2021, 3, 7, 10, 29, 29, tzinfo=UTC)
 GSV = sentence("GPGSV,4,1,15,01,06,015,,10,30,290,27,12,42,207,26,13,19,141,23")
@@ -74,7 +75,7 @@ def lines_of(epochs):
             yield before, zda(time, talker)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(st.lists(_EPOCH, min_size=1, max_size=30))
 def test_positions_and_times_are_those_of_a_plain_reader(epochs):
     epochs = [(1.0, 48.0, 11.0, {"RMC"}, "GP", "A", ""), *epochs]

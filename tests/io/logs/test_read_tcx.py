@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError
@@ -15,6 +15,7 @@ from gpszip.io.logs.raw import Request
 from gpszip.io.logs.read import read_logs
 from gpszip.io.logs.tcx.read import read_tcx
 from gpszip.io.storage.source import Source
+from random_tests import examples
 
 HEAD = (
     '<?xml version="1.0" encoding="UTF-8"?>\n<TrainingCenterDatabase '
@@ -211,7 +212,7 @@ FILES = st.lists(
 ).map(lambda found: data(activities(*found)))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(file=FILES)
 def test_all_points_come_out_as_an_independent_parse_has_them(file):
     expected = [

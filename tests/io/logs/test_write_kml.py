@@ -4,7 +4,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.errors import OutputError
@@ -15,6 +15,7 @@ from gpszip.io.logs.read import read_logs
 from gpszip.io.logs.write import write_tracks
 from gpszip.io.storage.source import Source
 from gpszip.model import Plane, Track
+from random_tests import examples
 
 PLANE = Plane(((480_000_000, 110_000_000),))
 START = 1.7e9
@@ -123,7 +124,7 @@ NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=9
 TEXTS = st.text(st.sampled_from("ab <&>\"'é\u2028"), max_size=5)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     name=NAMES,
     notes=st.lists(TEXTS, min_size=2, max_size=5),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError
@@ -11,6 +11,7 @@ from gpszip.io.logs.formats import format_named
 from gpszip.io.logs.raw import Request
 from gpszip.io.logs.read import read_logs
 from gpszip.io.storage.source import Source
+from random_tests import examples
 
 
 def date(second):
@@ -104,9 +105,7 @@ def test_batches_are_the_log_that_is_read_at_once(kind, monkeypatch):
         monkeypatch.setattr(f"gpszip.io.logs.{module}.BATCH_POINTS", 3)
     log_format = format_named(kind.name)
 
-    @settings(
-        max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-    )
+    @examples(80, suppress_health_check=[HealthCheck.function_scoped_fixture])
     @given(TRACKS, st.sampled_from([(), ("hr",)]))
     def check(tracks, keep):
         request = Request(keep=keep)

@@ -3,13 +3,14 @@ import io
 import zipfile
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError, UnknownFormatError
 from gpszip.io.large.store import store_logs
 from gpszip.io.logs.read import read_logs
 from gpszip.io.storage.source import Source, expand, spooled
+from random_tests import examples
 
 LOG = b"t,x,y\n" + b"".join(b"%d,%d,0\n" % (i, i * i) for i in range(100))
 OTHER = b"track_id,t,x,y\n7,0,0,0\n7,1,1,1\n"
@@ -176,7 +177,7 @@ def test_thousands_of_members_and_zip64():
     assert ids(read_logs(io.BytesIO(file.getvalue()))) == [("0", 100)]
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(
     method=st.sampled_from([zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED]),
     changes=st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), min_size=1, max_size=4),

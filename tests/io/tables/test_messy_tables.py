@@ -6,13 +6,14 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError, UnknownFormatError
 from gpszip.geo.planes import to_geographic
 from gpszip.io.large.store import store_logs
 from gpszip.io.logs.read import read_logs
+from random_tests import examples
 
 
 class Log:
@@ -270,7 +271,7 @@ def test_late_letters_that_are_not_utf_8(read):
     assert list(log.tracks) == ["a", "\xe9\0\x01"]
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(
     names=st.lists(
         st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=12),
@@ -343,7 +344,7 @@ def test_parquet_columns_of_one_name_are_refused(tmp_path):
             read_file(path)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(data=st.data())
 def test_damaged_parquet_is_read_or_refused(data, tmp_path_factory):
     path = tmp_path_factory.mktemp("damaged") / "log"

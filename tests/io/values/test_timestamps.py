@@ -5,13 +5,14 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError, OptionError
 from gpszip.io.large.store import store_logs
 from gpszip.io.logs.read import read_logs
 from gpszip.io.values.timestamps import times_to_seconds, unit_origin, unit_seconds
+from random_tests import examples
 
 EIGHT = 1714809600.0  # 2024-05-04T08:00:00Z
 
@@ -124,7 +125,7 @@ ZONES = st.integers(-23 * 60, 23 * 60).map(lambda minutes: timezone(timedelta(mi
 MOMENTS = st.datetimes(datetime(1000, 1, 3), datetime(9999, 12, 29), timezones=ZONES)
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(st.lists(st.tuples(MOMENTS, st.sampled_from(FORMS)), min_size=1, max_size=20))
 def test_all_dates_match_the_calendar(written):
     cells = [moment.strftime(form) for moment, form in written]
@@ -135,7 +136,7 @@ def test_all_dates_match_the_calendar(written):
     assert times_of(*cells) == exact
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(
     st.lists(
         st.text(max_size=30) | st.from_regex(r"[0-9T:./ ,+Zz-]{1,40}", fullmatch=True),

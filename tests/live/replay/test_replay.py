@@ -173,7 +173,10 @@ def test_tracks_have_connections_of_their_own():
 def test_what_did_not_arrive_is_sent_again(monkeypatch):
     monkeypatch.setattr(module, "_RETRY_SECONDS", (0.001, 0.002))
     got = []
-    played = play(SAMPLES[:3], lambda: Recorder(got, failures=2), float("inf"))
+    told = []
+    target = Recorder(got, failures=2)
+    played = play(SAMPLES[:3], lambda: target, float("inf"), tell=told.append)
+    assert told == ["gone; trying again"]
     assert [batch[0] for _, batch in filter(None, got)] == SAMPLES[:3]
     assert (played.messages, played.repeated) == (3, 2)
     with pytest.raises(OutputError, match="can't be reached: gone"):
@@ -211,6 +214,7 @@ def test_errors_of_a_server_are_waited_for(tmp_path, capfd, monkeypatch):
         code, told = run(capfd, tmp_path / "log.csv", *options)
     assert code == 0
     assert "2 messages; 2 of them again" in told.err
+    assert told.err.count("answers 503 Service Unavailable; trying again") == 1
     assert len(paths) == 4
     assert paths[0] == paths[1]
     assert paths[0].startswith("/in?key=1&id=a0&lat=48.0&")

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Geod
 
@@ -15,6 +15,7 @@ from gpszip.live.rolling.archives import open_archives
 from gpszip.live.rolling.fixes import read_fixes
 from gpszip.live.rolling.roll import roll
 from gpszip.model import Options
+from random_tests import examples
 
 #: 1 m of noise, so that walks are far shorter than their tracks.
 OPTIONS = Options(rmse=4.0, max_error=15.0, effort=1)
@@ -261,7 +262,7 @@ rows = st.tuples(
 )
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(st.lists(st.lists(rows, min_size=1, max_size=6), min_size=1, max_size=3))
 def test_fixes_are_sorted_and_the_most_accurate_of_a_time_is_taken(tmp_path_factory, batches):
     folder = tmp_path_factory.mktemp("sorted")

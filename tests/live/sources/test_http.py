@@ -5,6 +5,7 @@ import json
 import random
 import socket
 import time
+from http.client import HTTPException
 from importlib.util import find_spec
 from urllib.parse import quote
 
@@ -76,7 +77,7 @@ def test_forms_and_files_are_taken_too(send):
     assert (status, text, len(fixes)) == (200, "OK", 1)
 
 
-def test_senders_are_named_by_path_user_headers_and_query(send):
+def test_senders_are_named_by_path_user_headers_and_query(send, server):
     body = json.dumps(bodies.owntracks(topic=None))
     for path, headers in [
         ("/owntracks/AGENT", {}),
@@ -89,19 +90,13 @@ def test_senders_are_named_by_path_user_headers_and_query(send):
     send("/owntracks", body, **named)
     credentials = base64.b64encode(b"basil:secret").decode()
     send("/owntracks", body, authorization=f"Basic {credentials}")
-
-
-def test_names_of_headers_are_kept(server):
-    _, folder, _ = server
-    assert {"hannah/phone", "basil"} <= {fix.agent for fix in stored(folder)}
+    assert {"hannah/phone", "basil"} <= {fix.agent for fix in stored(server[1])}
 
 
 def test_a_batch_of_overland_is_stored_at_once(send):
     (status, text), fixes = send("/overland", bodies.overland(50))
     assert (status, text, len(fixes)) == (200, '{"result":"ok"}', 50)
-    assert request  # sent again, it is left out
-    listener_fixes = {(fix.agent, fix.time) for fix in fixes}
-    assert len(listener_fixes) == 50
+    assert len({(fix.agent, fix.time) for fix in fixes}) == 50
 
 
 @pytest.mark.parametrize(
@@ -151,12 +146,15 @@ def test_a_sender_that_goes_away_is_no_fault(server):
 
 def test_health_and_what_was_told(server):
     listener, folder, _ = server
+    null = bodies.owntracks(topic="owntracks/null/phone", lat=0, lon=0)
+    for body in (bodies.owntracks(topic="owntracks/twice/phone"),) * 2 + (null,):
+        assert request(listener.port, "/owntracks", body)[0] == 200
     status, text = request(listener.port, "/health")
     report = json.loads(text)
     assert status == 200
     assert report["status"] == "ok"
     assert report["counts"]["stored"] == len(stored(folder))
-    assert report["counts"]["repeated fixes left out"] == 2
+    assert report["counts"]["repeated fixes left out"] >= 1
     assert report["last_received"] <= time.time()
     assert any("0,0" in line for line in listener.lines)
     assert not [line for line in listener.lines if "Traceback" in line], listener.lines
@@ -214,7 +212,7 @@ def test_killed_at_any_moment_nothing_acknowledged_is_lost_and_nothing_repeats(t
                     if request(port, "/overland", body) == (200, '{"result":"ok"}'):
                         acknowledged |= {bodies.TIME + sent + number for number in range(3)}
                         sent += 3
-            except OSError:
+            except (OSError, HTTPException):
                 listener.process.wait()
             killer.join()
     times = [fix.time for fix in stored(tmp_path)]

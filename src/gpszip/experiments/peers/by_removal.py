@@ -16,6 +16,9 @@ __all__ = ["effective_areas", "merge_costs", "squish_priorities", "sttrace"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+#: Parts of a second, and of a metre, in which sums are exact.
+_PER_UNIT = 1_000
+
 #: Time and coordinates of a sample.
 Sample = tuple[float, ...]
 
@@ -107,9 +110,9 @@ def merge_costs(track: Track) -> Floats:
     """Return for each sample the cost from which on bottom-up merging drops it (Keogh et al. 2001).
 
     Two lines are merged where that adds least to the sum of squared synchronised distances. With
-    sums over samples a to b of times t and positions p, both since the first sample of the track,
-    and the line ``c + v t`` from a to b, the sum of one line is
-    ``sum |p|^2 - 2 c sum p - 2 v sum t p + n |c|^2 + 2 c v sum t + |v|^2 sum t^2``.
+    times t and positions p of samples a to b, both since sample a, and with D and d those of b, the
+    sum of one line is ``sum |p|^2 - 2 (d / D) sum t p + |d / D|^2 sum t^2``. Sums are those of
+    whole milliseconds and millimetres, so that nothing cancels.
 
     Parameters
     ----------
@@ -127,23 +130,26 @@ def merge_costs(track: Track) -> Floats:
     >>> merge_costs(track).round(2).tolist()
     [inf, 0.75, 0.25, inf]
     """
-    # Sums of all samples before each.
-    t, p = track.times - track.times[0], track.positions - track.positions[0]
-    terms = [np.ones(len(t)), t, t * t, (p * p).sum(axis=1), *p.T, *(t[:, None] * p).T]
-    sums = list(zip(*(np.append(0.0, np.cumsum(term)).tolist() for term in terms), strict=True))
+    # Whole numbers, and their sums over all samples before each.
+    times = np.round((track.times - track.times[0]) * _PER_UNIT)
+    places = np.round((track.positions - track.positions[0]) * _PER_UNIT)
+    t, p = (values.astype(np.int64).astype(object) for values in (times, places))
+    terms = [t, t * t, *p.T, *(p * p).T, *(t[:, None] * p).T]
+    sums = list(zip(*([0, *np.cumsum(term).tolist()] for term in terms), strict=True))
     samples, dimension = list(zip(t.tolist(), *p.T.tolist(), strict=True)), track.dimension
 
     # Squared distances from the line between a and b.
     def line(a: int, b: int) -> float:
-        low, high, start, end = sums[a], sums[b + 1], samples[a], samples[b]
-        n, t1, t2, total = (high[i] - low[i] for i in range(4))
-        for axis in range(1, dimension + 1):
-            v = (end[axis] - start[axis]) / (end[0] - start[0])
-            c = start[axis] - v * start[0]
-            sp = high[3 + axis] - low[3 + axis]
-            stp = high[3 + dimension + axis] - low[3 + dimension + axis]
-            total += n * c * c + 2 * c * v * t1 + v * v * t2 - 2 * c * sp - 2 * v * stp
-        return float(total)
+        low, high, (t0, *p0), (t1, *p1) = sums[a], sums[b + 1], samples[a], samples[b]
+        n, st, stt = b + 1 - a, high[0] - low[0], high[1] - low[1]
+        spread, total = stt - 2 * t0 * st + n * t0 * t0, 0.0
+        for axis in range(dimension):
+            sp, spp, stp = (high[i] - low[i] for i in range(2 + axis, 2 + 3 * dimension, dimension))
+            x, v = p0[axis], (p1[axis] - p0[axis]) / max(t1 - t0, 1)
+            squares = spp - 2 * x * sp + n * x * x
+            mixed = stp - t0 * sp - x * st + n * t0 * x
+            total += squares - 2 * v * mixed + v * v * spread
+        return total / _PER_UNIT**2
 
     return _eliminate(len(track), lambda a, q, b: line(a, b) - line(a, q) - line(q, b), adds=False)
 

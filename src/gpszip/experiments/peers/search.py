@@ -148,6 +148,7 @@ class Search:
 
     def on_samples(self, coder: str, target: float, criterion: Criterion) -> Encoded | None:
         """Return the file of all samples on the coarsest grid within the error."""
+        # The coarsest steps of positions for each step of times.
         lines = [Knots(track.times, track.positions) for track in self.tracks]
         low, high = _exponents(*(share * target for share in _GRIDS))
         found = []

@@ -106,6 +106,7 @@ class TextParser:
 
     def _parse_object(self, text: bytes, context: Context) -> list[Fix | Unusable]:
         """Return the fixes of a message of an app, a report of gpsd, or an object of columns."""
+        # Messages of apps come first: they have names of columns, too.
         try:
             message = parse_json(text)
         except MessageError as error:
@@ -113,6 +114,8 @@ class TextParser:
         app = app_of(message)
         if app is not None:
             return parse_message(app, message, context)
+
+        # Reports of gpsd, or columns.
         try:
             if "class" in message:
                 return self._gpsd.parse(message, context)

@@ -43,6 +43,7 @@ def parse_traccar(message: Mapping[str, Any], context: Context) -> list[Fix | Un
 
 
 def _parse_location(location: Any, agent: str, context: Context) -> Fix | Unusable:
+    # One location of several may be wrong.
     if not isinstance(location, Mapping):
         return Unusable(agent, "messages without a position left out")
     coords = member(location, "coords")
@@ -50,6 +51,8 @@ def _parse_location(location: Any, agent: str, context: Context) -> Fix | Unusab
         time = read_time(location.get("timestamp"), context)
     except MessageError as error:
         return Unusable(agent, str(error))
+
+    # Unknown numbers are negative.
     return make_fix(
         context,
         agent,

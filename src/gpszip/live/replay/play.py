@@ -61,13 +61,24 @@ class Played:
         Messages that were sent again, since their answer did not come.
     lag : float
         Seconds by which the latest message was late.
+    tell : callable
+        Called with a line at the first failure.
     """
 
     samples: int = 0
     messages: int = 0
     repeated: int = 0
     lag: float = 0.0
+    tell: Callable[[str], None] = field(default=lambda _line: None, repr=False)
+    _is_told: bool = field(default=False, repr=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
+
+    def note_failure(self, error: OSError) -> None:
+        """Tell of the first failure; others are counted as messages sent again."""
+        with self._lock:
+            is_told, self._is_told = self._is_told, True
+        if not is_told:
+            self.tell(f"{error}; trying again")
 
     def add(self, samples: int, attempts: int, lag: float) -> None:
         """Count a message."""
@@ -112,6 +123,7 @@ def play(
     open_target: Callable[[], Target],
     speed: float,
     workers: int = 1,
+    tell: Callable[[str], None] = lambda _line: None,
 ) -> Played:
     """Send samples when they are due.
 
@@ -125,6 +137,8 @@ def play(
         Seconds of the log in a second; infinite to send all at once.
     workers : int
         Connections. Samples of one track go over one of them, in their order.
+    tell : callable, optional
+        Called with a line when the target can't be reached for the first time.
 
     Raises
     ------
@@ -132,7 +146,7 @@ def play(
         If the target refuses samples, or is gone for long.
     """
     # Divide the tracks among the workers.
-    played = Played()
+    played = Played(tell=tell)
     tracks = list(dict.fromkeys(sample.track for sample in samples))
     workers = max(min(workers, len(tracks)), 1)
     worker_of = {name: number % workers for number, name in enumerate(tracks)}
@@ -179,7 +193,7 @@ def _play_part(
             due = begin + (batch[-1].time - zero) / speed
             if stop.wait(max(due - time.monotonic(), 0.0)):
                 return
-            attempts = _send(target, batch, stop)
+            attempts = _send(target, batch, stop, played)
             played.add(len(batch), attempts, time.monotonic() - due if np.isfinite(speed) else 0.0)
     finally:
         target.close()
@@ -197,7 +211,7 @@ def _batches(samples: Sequence[Sample], size: int, speed: float) -> Iterator[lis
         yield batch
 
 
-def _send(target: Target, batch: Sequence[Sample], stop: threading.Event) -> int:
+def _send(target: Target, batch: Sequence[Sample], stop: threading.Event, played: Played) -> int:
     """Send a batch until it arrives; return the number of attempts."""
     pause, longest = _RETRY_SECONDS
     for attempt in range(1, _MAX_ATTEMPTS + 1):
@@ -206,6 +220,7 @@ def _send(target: Target, batch: Sequence[Sample], stop: threading.Event) -> int
         except OSError as error:
             if attempt == _MAX_ATTEMPTS:
                 raise OutputError(f"can't be reached: {error}", remedy="check --to") from error
+            played.note_failure(error)
             stop.wait(pause)
             pause = min(2 * pause, longest)
         else:

@@ -196,6 +196,7 @@ def assign_parts(
     -------
     dict of str to AgentFixes
     """
+    # Track by track, those after its end; a new track takes all that are left.
     parts: dict[str, AgentFixes] = {}
     known = set(archive.ids)
     for name in parts_of(agent):
@@ -211,6 +212,8 @@ def assign_parts(
             parts[name] = fixes.take(after)
             taken.add(name)
             fixes = fixes.take(~after)
+
+    # None is left, unless there are too many tracks.
     if len(fixes):
         raise OptionError(
             f"track {agent!r} has more than {_MAX_PARTS:,} parts",

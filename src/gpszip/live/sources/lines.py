@@ -92,6 +92,7 @@ async def read_stream_lines(
 
     Lines longer than ``max_bytes`` are cut.
     """
+    # The last line may go on in the next chunk.
     rest = b""
     while True:
         try:
@@ -102,6 +103,8 @@ async def read_stream_lines(
             continue
         if not chunk:
             break
+
+        # Yield the complete ones.
         *lines, rest = (rest + chunk).split(b"\n")
         rest = rest[:max_bytes]
         if lines:

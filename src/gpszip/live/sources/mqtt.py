@@ -161,6 +161,8 @@ def client_for(text: str, client_id: str) -> tuple[Client, str, int]:
         clean_session=not client_id,
         manual_ack=True,
     )
+
+    # What the URL says of it.
     client.reconnect_delay_set(*_RETRY_SECONDS)
     if url.username is not None:
         client.username_pw_set(unquote(url.username), unquote(url.password or ""))

@@ -105,6 +105,7 @@ class _UdpSource:
 
     async def run(self, receiver: Receiver) -> None:
         """Store fixes until the task is cancelled."""
+        # Listen.
         loop = asyncio.get_running_loop()
         queue: asyncio.Queue[tuple[bytes, str]] = asyncio.Queue()
         try:
@@ -116,6 +117,8 @@ class _UdpSource:
                 f"can't listen at {self._address[0]}:{self._address[1]}: {error.strerror or error}",
                 remedy="name another port with --nmea",
             ) from error
+
+        # Store what comes.
         try:
             while True:
                 await store_patiently(receiver, await self._next(queue))

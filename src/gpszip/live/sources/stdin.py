@@ -82,6 +82,7 @@ async def read_descriptor_lines(descriptor: int) -> AsyncIterator[list[bytes]]:
             except RuntimeError:  # the loop has ended
                 return
 
+    # Split what it reads into lines.
     threading.Thread(target=read, daemon=True).start()
     rest = b""
     while True:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -10,6 +10,7 @@ from gpszip.errors import InputError, OptionError
 from gpszip.io.large.store import store_logs
 from gpszip.io.logs.read import read_logs
 from gpszip.io.logs.ros.transforms import Link, LinkTransforms, compose, find_chain
+from random_tests import examples
 from ros_bags import START, bags, write_bag
 
 #: Where a camera is on the robot.
@@ -185,7 +186,7 @@ def test_trees_that_are_none_are_refused(parents, reason):
         find_chain(parents, "a", "b", "log")
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(st.lists(st.integers(0, 10**6), min_size=1, max_size=12), st.data())
 def test_chains_lead_from_frame_to_frame(numbers, data):
     # Frame i + 1 has a parent among the frames before.
@@ -202,7 +203,7 @@ def test_chains_lead_from_frame_to_frame(numbers, data):
     assert here == end
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(st.integers(0, 2**32 - 1), st.booleans(), st.booleans())
 def test_composition_is_that_of_scipy(seed, first_down, second_down):
     rng = np.random.default_rng(seed)

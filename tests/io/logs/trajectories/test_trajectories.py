@@ -5,7 +5,7 @@ import io
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError, OptionError
@@ -13,6 +13,7 @@ from gpszip.io.large.store import store_logs
 from gpszip.io.logs.formats import format_for_reading
 from gpszip.io.logs.read import read_logs
 from gpszip.io.storage.source import Source
+from random_tests import examples
 
 START = 1_403_636_579.76
 
@@ -178,7 +179,7 @@ def test_columns_that_the_user_names_in_order_make_a_plain_table():
     np.testing.assert_allclose(chosen.attributes["heading"], headings(forward, 0, 2), atol=1e-4)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     st.lists(
         st.tuples(*[st.floats(-1e6, 1e6)] * 3, *[st.floats(-1, 1)] * 4).filter(
