@@ -6,8 +6,8 @@ agents, and a passage of the edge sets it back to 0. So nothing is claimed in th
 nobody comes. An alarm is raised as soon as evidence reaches a threshold.
 
 The threshold comes from the log itself: one part of the time before is watched with what was learnt
-from another, and alarms there are false, as far as nothing was closed then. The number of alarms
-falls with the threshold t about as exp(-t).
+from another, and alarms there are false, as far as nothing was closed then. The evidence of the
+largest of them falls about exponentially, with a mean that these alarms have.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.history.choices import Choices, list_choices
+from gpszip.history.choices import list_choices
 from gpszip.history.traversals import Traversals
 from gpszip.model import Network
 
@@ -27,20 +27,27 @@ __all__ = ["Closures", "choose_threshold", "find_closures"]
 #: Largest probability that an agent takes an edge: any may have a reason not to.
 _MAX_PROBABILITY = 0.9
 
+#: Smallest probability that counts. Of less likely choices, those of one agent or one hour are
+#: alike: a line that is not served for some hours is no closed edge.
+_MIN_PROBABILITY = 0.3
+
 #: Share of an edge after which it has been passed.
 _PASSED = 0.9
 
 #: Passages that an edge needs before; of others, nothing can be missed.
 _MIN_PASSES = 5
 
-#: Smallest threshold in nats: alarms by fewer than three agents that were sure to come are chance.
-_MIN_THRESHOLD = 6.9
+#: Smallest threshold in nats: three agents that were sure to come reach 6.91, and may be chance.
+_MIN_THRESHOLD = 7.0
 
 #: Smallest threshold without a time to try it on.
 _DEFAULT_THRESHOLD = 9.2
 
 #: Share of the time before from which is learnt what the rest is tried with.
 _LEARNT_SHARE = 0.6
+
+#: Largest runs of evidence from which the tail is measured.
+_TAIL = 12
 
 #: Seconds of a day.
 _DAY = 86_400.0
@@ -162,7 +169,7 @@ def choose_threshold(
     Returns
     -------
     float
-        Nats; 6.9 at least.
+        Nats; 7 at least.
     """
     # Learn from the first part of the time, and watch the rest.
     times = rows.enter[before]
@@ -174,15 +181,16 @@ def choose_threshold(
     if not len(runs.run) or days <= 0:
         return _DEFAULT_THRESHOLD
 
-    # Largest evidence of each run; the threshold lies where as many are larger as are allowed.
+    # Largest evidence of each run; the largest of all fall about exponentially.
     last = np.flatnonzero(np.append(np.diff(runs.run) != 0, True))
     largest = np.sort(runs.evidence[last])[::-1]
+    count = min(_TAIL, len(largest) - 1)
+    if count < 1:
+        return _DEFAULT_THRESHOLD
+    mean = float((largest[:count] - largest[count]).mean())
     allowed = false_alarms * days
-    rank = int(allowed)
-    if rank >= len(largest):
-        return _MIN_THRESHOLD
-    beyond = math.log(1.0 / allowed) if rank == 0 else 0.0
-    return max(float(largest[rank]) + beyond, _MIN_THRESHOLD)
+    threshold = float(largest[count]) + mean * math.log(count / allowed)
+    return max(threshold, _MIN_THRESHOLD)
 
 
 def _collect_runs(network: Network, rows: Traversals, known: Mask, asked: Mask) -> _Runs:
@@ -191,7 +199,11 @@ def _collect_runs(network: Network, rows: Traversals, known: Mask, asked: Mask) 
     choices = list_choices(network, rows, known, asked)
     whole = rows.metres >= _PASSED * network.lengths[rows.edge]
     passes = np.bincount(rows.directed[known & whole], minlength=2 * len(network))
-    missed = _missed(choices, passes)
+    missed = np.flatnonzero(
+        ~choices.taken
+        & (passes[choices.option] >= _MIN_PASSES)
+        & (choices.probability >= _MIN_PROBABILITY)
+    )
     option, time = choices.option[missed], rows.enter[choices.traversal[missed]]
     gain = -np.log1p(-np.minimum(choices.probability[missed], _MAX_PROBABILITY))
 
@@ -219,8 +231,3 @@ def _collect_runs(network: Network, rows: Traversals, known: Mask, asked: Mask) 
     return _Runs(
         directed[kept], times[kept], evidence[kept], run.reshape(-1).astype(np.int64), ends[used]
     )
-
-
-def _missed(choices: Choices, passes: Longs) -> Longs:
-    """Choices that were missed passages of edges with enough passages before."""
-    return np.flatnonzero(~choices.taken & (passes[choices.option] >= _MIN_PASSES))
