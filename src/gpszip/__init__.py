@@ -57,8 +57,8 @@ if TYPE_CHECKING:
     )
     from gpszip.history.agents import AgentSpeed
     from gpszip.history.calendar import Calendar
-    from gpszip.history.changes import Change, Changes
-    from gpszip.history.predictor import Predictor
+    from gpszip.history.changes.changes import Change, Changes
+    from gpszip.history.prediction.predictor import Predictor
     from gpszip.history.routes import PlannedRoute
     from gpszip.history.transitions import EdgeTransitions, RouteLikelihood
     from gpszip.history.travel_time import TravelTime
@@ -324,11 +324,11 @@ _HOMES = {
     ),
     "gpszip.history.agents": ("AgentSpeed",),
     "gpszip.history.calendar": ("Calendar",),
-    "gpszip.history.changes": (
+    "gpszip.history.changes.changes": (
         "Change",
         "Changes",
     ),
-    "gpszip.history.predictor": ("Predictor",),
+    "gpszip.history.prediction.predictor": ("Predictor",),
     "gpszip.history.routes": ("PlannedRoute",),
     "gpszip.history.transitions": (
         "EdgeTransitions",

@@ -39,7 +39,7 @@ from gpszip.run.executor import Executor
 
 if TYPE_CHECKING:
     from gpszip.container.contents import Section
-    from gpszip.history.changes import Changes
+    from gpszip.history.changes.changes import Changes
     from gpszip.history.routes import PlannedRoute
     from gpszip.history.usage import Usage
     from gpszip.io.frames.source import FrameSource
@@ -742,7 +742,7 @@ def trips(
     >>> found.matrix, round(found.trips[0].length)
     ({(1, 2): 1}, 5000)
     """
-    from gpszip.history.values import Settings
+    from gpszip.history.stays.values import Settings
     from gpszip.pipeline.trips import trips_of_archive, trips_of_log
 
     # An archive.

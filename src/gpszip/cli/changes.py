@@ -17,7 +17,7 @@ from gpszip.cli.selecting import TIME
 from gpszip.cli.units import format_count, format_duration
 
 if TYPE_CHECKING:
-    from gpszip.history.changes import Change, Changes
+    from gpszip.history.changes.changes import Change, Changes
     from gpszip.model import ReadResult
 
 __all__ = ["command"]
@@ -95,7 +95,7 @@ def command(
     """
     from gpszip.cli.output import STDOUT, check_output, print_json, print_status
     from gpszip.errors import OptionError
-    from gpszip.history.changes import KINDS
+    from gpszip.history.changes.changes import KINDS
     from gpszip.io.history_tables import check_table_format
     from gpszip.pipeline.changes import changes
 

@@ -291,7 +291,7 @@ def _hide(
     """Leave out places where a track of the archive stayed, and the ends of tracks."""
     import numpy as np
 
-    from gpszip.history.hide import hide_places
+    from gpszip.history.stays.hide import hide_places
     from gpszip.pipeline.trips import places_of_archive
 
     # Circles differ in each run: whoever knew how they are drawn could compute what they hide.

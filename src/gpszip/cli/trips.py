@@ -137,7 +137,7 @@ def command(
     from gpszip.cli.output import STDOUT, check_output, print_json
     from gpszip.errors import OptionError
     from gpszip.history.local_time import find_zone
-    from gpszip.history.values import Settings as TripSettings
+    from gpszip.history.stays.values import Settings as TripSettings
     from gpszip.io.trips import (
         PLACE_FORMATS,
         TRIP_FORMATS,

@@ -8,7 +8,7 @@ import numpy as np
 
 from gpszip.archive import Archive
 from gpszip.errors import OptionError
-from gpszip.history.changes import KINDS, Changes, find_changes
+from gpszip.history.changes.changes import KINDS, Changes, find_changes
 from gpszip.history.joint import join_histories
 from gpszip.history.traversals import read_history
 from gpszip.model.timestamps import Times, format_span, to_seconds

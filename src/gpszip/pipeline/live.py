@@ -9,9 +9,9 @@ import numpy as np
 
 from gpszip.archive import Archive, open_archive
 from gpszip.errors import OptionError
-from gpszip.history.predictor import Predictor
-from gpszip.history.read_route import tell_route
-from gpszip.history.ways import connect_roads
+from gpszip.history.prediction.paths import connect_roads
+from gpszip.history.prediction.predictor import Predictor
+from gpszip.history.prediction.read_route import tell_route
 from gpszip.matching.live import LiveMatcher
 from gpszip.model import Network
 from gpszip.model.grid import step_size

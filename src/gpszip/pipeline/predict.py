@@ -9,10 +9,10 @@ import numpy as np
 from gpszip.archive import Archive
 from gpszip.errors import OptionError
 from gpszip.geo.planes import to_geographic
-from gpszip.history.predictor import Predictor
-from gpszip.history.read_route import tell_route
+from gpszip.history.prediction.predictor import Predictor
+from gpszip.history.prediction.read_route import tell_route
+from gpszip.history.prediction.trips import cut_trips
 from gpszip.history.traversals import Traversals, match_traversals, read_history
-from gpszip.history.trips import cut_trips
 from gpszip.model import Network, Track
 from gpszip.model.prediction import Destination, LikelyNode, Outlook
 from gpszip.pipeline.match import network_for

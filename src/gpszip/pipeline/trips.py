@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from gpszip.archive import Archive
 from gpszip.errors import OptionError
 from gpszip.geo.planes import to_plane
-from gpszip.history.collect import TrackSamples, collect_trips
-from gpszip.history.values import Settings
+from gpszip.history.stays.collect import TrackSamples, collect_trips
+from gpszip.history.stays.values import Settings
 from gpszip.io.tables.roles import names_accuracy
 from gpszip.model import Track
 from gpszip.model.trips import Trips

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from gpszip.archive import Archive
 from gpszip.errors import InputError
 from gpszip.history.traversals import match_traversals, read_history
-from gpszip.history.unusual import Usual, find_unusual
+from gpszip.history.unusual.unusual import Usual, find_unusual
 from gpszip.model import Track
 from gpszip.model.unusual import Unusual
 from gpszip.pipeline.match import network_for

@@ -1,0 +1,1 @@
+"""What has changed on a map: closed, new, moved, slower and one-way edges."""

@@ -1,0 +1,1 @@
+"""What follows a route: next edges, destinations and arrivals."""

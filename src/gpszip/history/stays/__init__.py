@@ -1,0 +1,1 @@
+"""Stays, trips and places of tracks."""

@@ -1,0 +1,94 @@
+"""How far and how long a track moves on a trip."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from gpszip.history.stays.fixes import Fixes, lengths
+
+__all__ = ["Travel", "measure_travel"]
+
+#: Seconds between two positions along which the length of a trip is measured.
+_STEP = 5.0
+
+#: Positions whose mean is taken, so that errors of single fixes add no length: 25 seconds.
+_SMOOTHED = 5
+
+#: Positions over which a speed is measured: 30 seconds.
+_SPEED_STEPS = 6
+
+#: Metres per second from which a track is in motion: half of a walk.
+_MOVING_SPEED = 0.7
+
+#: Most positions along a trip; those of a longer one lie farther apart.
+_MAX_POSITIONS = 100_000
+
+Floats = NDArray[np.float64]
+
+
+class Travel(NamedTuple):
+    """What a trip takes.
+
+    Parameters
+    ----------
+    length : float
+        Metres.
+    moving : float
+        Seconds in motion.
+    line : float64 array, shape (n, d)
+        Metres: positions of the fixes on the way, from begin to end.
+    """
+
+    length: float
+    moving: float
+    line: Floats
+
+
+def measure_travel(fixes: Fixes, start: float, end: float, begin: Floats, finish: Floats) -> Travel:
+    """Measure a trip between two times.
+
+    Its length is that of the positions at even times, each the mean of those around it, as errors
+    of single fixes would add to it.
+
+    Parameters
+    ----------
+    fixes : Fixes
+        A track.
+    start, end : float
+        Seconds.
+    begin, finish : float64 array, shape (d,)
+        Metres: where the trip begins and ends.
+
+    Examples
+    --------
+    >>> times = np.arange(0.0, 601, 10)
+    >>> x = np.interp(times, [0, 200, 300, 600], [0, 2000, 2000, 5000])
+    >>> fixes = Fixes(times, x[:, None], np.full(61, 10.0))
+    >>> travel = measure_travel(fixes, 0.0, 600.0, np.array([0.0]), np.array([5000.0]))
+    >>> round(travel.length), round(travel.moving, -1)
+    (5000, 540.0)
+    """
+    # Fixes on the way, between where it begins and where it ends.
+    first = int(np.searchsorted(fixes.times, start, side="right"))
+    rows = slice(first, max(first, int(np.searchsorted(fixes.times, end))))
+    times = np.concatenate([[start], fixes.times[rows], [end]])
+    line = np.concatenate([[begin], fixes.positions[rows], [finish]])
+    if end <= start:
+        return Travel(0.0, 0.0, line)
+
+    # Positions at even times, and their means; the ends stay where they are.
+    count = min(max(round((end - start) / _STEP), 1) + 1, _MAX_POSITIONS)
+    even = np.linspace(start, end, count)
+    positions = np.stack([np.interp(even, times, axis) for axis in line.T], axis=1)
+    smooth = uniform_filter1d(positions, _SMOOTHED, axis=0, mode="nearest")
+    smooth[0], smooth[-1] = begin, finish
+    steps = lengths(np.diff(smooth, axis=0))
+
+    # Speeds over half a minute around each step.
+    speeds = uniform_filter1d(steps, _SPEED_STEPS, mode="nearest") / ((end - start) / (count - 1))
+    moving = float((speeds >= _MOVING_SPEED).mean()) * (end - start)
+    return Travel(float(steps.sum()), moving, line)

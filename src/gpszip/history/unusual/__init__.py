@@ -1,0 +1,1 @@
+"""How unusual trips are, given earlier ones."""
