@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpszip.history import stays
+from gpszip.history.stays import stays
 from gpszip.history.stays.fixes import Fixes
 from gpszip.history.stays.stays import find_halts, still_ranges
 from oracle import windows

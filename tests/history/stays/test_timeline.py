@@ -169,7 +169,10 @@ def tracks(draw):
     if draw(st.booleans()):
         positions = positions[rng.integers(0, max(n // 4, 1), n)]
     accuracy = np.exp(rng.uniform(1, 8, n)) if draw(st.booleans()) else None
-    return np.cumsum(gaps), positions, accuracy
+
+    # Numbers of few binary digits, so that nothing is rounded where a track is shifted.
+    times, positions = (np.round(1024 * each) / 1024 for each in (np.cumsum(gaps), positions))
+    return times, positions, accuracy
 
 
 @given(tracks())
