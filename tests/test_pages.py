@@ -307,7 +307,8 @@ def client():
 
 
 def test_every_page_with_code_or_commands_is_run():
-    # docs/formats.md names files that other programs write; tests/live/test_page.py runs docs/live.md.
+    # docs/formats.md names files that other programs write, and tests/live/test_page.py runs
+    # docs/live.md.
     told = {"docs/python.md", "docs/cli.md", "docs/formats.md", "docs/live.md"}
     for path in [*ROOT.glob("docs/*.md"), ROOT / "README.md"]:
         text = path.read_text()
