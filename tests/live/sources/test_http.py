@@ -72,6 +72,9 @@ def test_forms_and_files_are_taken_too(send):
     form = {"content_type": "application/x-www-form-urlencoded"}
     (status, _), fixes = send("/osmand", bodies.OSMAND, **form)
     assert (status, len(fixes)) == (200, 1)
+    # JSON is none, whatever the header says.
+    (status, text), fixes = send("/owntracks/AGENT", json.dumps(bodies.owntracks()), **form)
+    assert (status, text, len(fixes)) == (200, "[]", 1)
     # GPSLogger posts the file of the day again and again.
     (status, text), fixes = send("/gpslogger/AGENT", bodies.GPSLOGGER_FILE * 3)
     assert (status, text, len(fixes)) == (200, "OK", 1)

@@ -269,8 +269,9 @@ class HttpSource:
         body = message.body.strip()
         is_form = "form-urlencoded" in message.headers.get("content-type", "")
 
-        # JSON tells its app, which counts where the path names another one.
-        if body[:1] in (b"{", b"[") and not is_form:
+        # JSON tells its app, which counts where the path names another one. No form begins like it,
+        # even if the header says so, as that of curl does.
+        if body[:1] in (b"{", b"["):
             content = parse_json(body)
             known = app_of(content)
             by_content = known or app
