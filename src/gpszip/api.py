@@ -850,7 +850,7 @@ def route(
     --------
     >>> from gpszip.testing import ring
     >>> archive = compress(ring(4, laps=6).tracks, max_error=5)
-    >>> corners = archive.clean_map().points[[0, -1]]
+    >>> corners = archive.clean_map().points[[0, 3]]
     >>> planned = route(archive, *corners)[0]
     >>> planned.length > 0, planned.arrival.low <= planned.arrival.high
     (True, True)

@@ -953,7 +953,7 @@ def _segment(data: bytes) -> object:
         return list(read_segment(path))
 
 
-def _segments() -> list[bytes]:
+def _journal_segments() -> list[bytes]:
     from gpszip.live.fix import Fix
     from gpszip.live.journal import encode_record
 
@@ -1002,7 +1002,7 @@ TARGETS = {
     "live lines": Target(_live_lines, _texts(CSV[:1])),
     "live nmea": Target(_live_lines, _texts(NMEA)),
     "live messages": Target(_live_lines, _live_messages),
-    "journal": Target(_segment, _segments),
+    "journal": Target(_segment, _journal_segments),
     "owntracks": Target(_log("owntracks", keep=("speed",), sort=True), _texts(OWNTRACKS)),
     "igc": Target(_log("igc", keep=("alt", "fxa"), sort=True), _texts(IGC)),
     "plt": Target(_log("plt", keep=("alt",), sort=True), _texts(PLT)),

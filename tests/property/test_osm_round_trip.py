@@ -13,7 +13,7 @@ from random_tests import examples
 #: Metres between places, far more than the centimetre to which a file is exact.
 STEP = 10.0
 
-PLACES = st.lists(st.tuples(st.integers(-30, 30), st.integers(-30, 30)), unique=True)
+PLACE = st.tuples(st.integers(-30, 30), st.integers(-30, 30))
 PLANES = st.sampled_from(
     [Plane(((525000000, 134000000),)), Plane(((-335000000, -706000000),)), Plane(((0, 0),))]
 )
@@ -22,7 +22,7 @@ COUNTS = st.tuples(st.integers(0, 5), st.integers(0, 5)).filter(any)
 
 @st.composite
 def road_maps(draw):
-    places = draw(PLACES.filter(lambda places: len(places) > 1))
+    places = draw(st.lists(PLACE, min_size=2, max_size=30, unique=True))
     node = st.integers(0, len(places) - 1)
     pairs = draw(
         st.lists(
@@ -44,7 +44,7 @@ def clean_maps(draw):
     """Curved edges, among them parallel ones and rings; no two share a place inside them."""
     count = draw(st.integers(1, 8))
     sizes = draw(st.lists(st.integers(2, 5), min_size=count, max_size=count))
-    places = draw(PLACES.filter(lambda places: len(places) >= 3 + sum(sizes)))
+    places = draw(st.lists(PLACE, min_size=3 + sum(sizes), max_size=45, unique=True))
     junctions, rest = STEP * np.array(places[:3]), STEP * np.array(places[3:])
     junction = st.integers(0, 2)
     ends = draw(st.lists(st.tuples(junction, junction), min_size=count, max_size=count))
