@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.options import Settings, common_options, quiet
+from gpszip.cli.options import Settings, check_token, common_options, quiet
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH
 
@@ -62,6 +62,7 @@ _DEFAULT_NAME = "log"
     metavar="TEXT",
     envvar="GPSZIP_TOKEN",
     show_envvar=True,
+    callback=check_token,
     help="What senders have to know: a bearer token, or the password of basic authentication.",
 )
 @click.option(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -14,6 +15,7 @@ from gpszip.cli.derived_names import derive_output
 __all__ = [
     "Settings",
     "archive_argument",
+    "check_token",
     "common_options",
     "force",
     "ignore_oneway",
@@ -76,6 +78,23 @@ def common_options(command: F) -> F:
     return click.option(
         "--json", is_flag=True, expose_value=False, help="Write results and errors as JSON."
     )(command)
+
+
+def check_token(
+    _context: click.Context, parameter: click.Parameter, token: str | None
+) -> str | None:
+    """Refuse a token that is empty, as of a variable that is not set, or that no header can hold.
+
+    An empty one would let everybody in.
+    """
+    # Click takes an empty variable for none.
+    if token is None and isinstance(parameter.envvar, str):
+        token = os.environ.get(parameter.envvar)
+    if token is not None and (not token or token != token.strip() or not token.isprintable()):
+        raise click.BadParameter(
+            "a token has letters, and neither control signs nor blanks at its ends"
+        )
+    return token
 
 
 def force(command: F) -> F:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ import click
 from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import (
     Settings,
+    check_token,
     common_options,
     quiet,
     time_options,
@@ -71,6 +73,7 @@ _NMEA_SCHEMES = ("tcp", "udp")
     metavar="TEXT",
     envvar="GPSZIP_TOKEN",
     show_envvar=True,
+    callback=check_token,
     help="Token of the server, sent as a bearer token.",
 )
 @time_order_options
@@ -104,6 +107,8 @@ def command(
     from gpszip.live.replay.play import play, samples_of
 
     # Refuse what can be refused before the log is read.
+    if math.isnan(speed):
+        raise click.UsageError("--speed nan: give a number of seconds, or inf")
     open_target = _target(target, kind, token)
     selection = pop_selection(reading)
     read_result = read_logs(logs, selection=selection, **reading)
@@ -139,7 +144,7 @@ def _target(target: str, kind: str, token: str | None) -> Callable[[], Target]:
     )
 
     # Apps speak HTTP, and OwnTracks MQTT, too.
-    url = urlsplit(target)
+    url = _split(target)
     if kind == "owntracks" and url.scheme in _MQTT_SCHEMES and url.hostname:
         return lambda: MqttTarget(url)
     if kind != "nmea":
@@ -150,20 +155,23 @@ def _target(target: str, kind: str, token: str | None) -> Callable[[], Target]:
     # Receivers write to sockets and pipes.
     if target == "-":
         return lambda: StreamTarget(sys.stdout.buffer)
-    host, port = _host_and_port(url, target)
+    if url.scheme not in _NMEA_SCHEMES or not url.hostname or url.port is None:
+        raise click.UsageError(f"--to {target}: give udp://HOST:PORT, tcp://HOST:PORT or -")
+    host, port = url.hostname, url.port
     if url.scheme == "udp":
         return lambda: DatagramTarget(host, port)
     return lambda: StreamTarget(accept_client(host, port))
 
 
-def _host_and_port(url: SplitResult, target: str) -> tuple[str, int]:
+def _split(target: str) -> SplitResult:
+    """Split a URL; one whose host or port can't be any has no scheme."""
     try:
-        port = url.port
+        url = urlsplit(target)
+        # These raise, too.
+        _ = url.port, (url.hostname or "").encode("idna")
     except ValueError:
-        port = None
-    if url.scheme not in _NMEA_SCHEMES or not url.hostname or port is None:
-        raise click.UsageError(f"--to {target}: give udp://HOST:PORT, tcp://HOST:PORT or -")
-    return url.hostname, port
+        return urlsplit("")
+    return url
 
 
 def _print_result(

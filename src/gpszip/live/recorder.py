@@ -142,7 +142,8 @@ class Recorder:
     def _conclude(self, fixes: Sequence[Fix], error: OutputError | None) -> None:
         """Keep in mind what was stored, or tell that nothing was."""
         if error is not None:
-            self.last_error = str(error)
+            # Monitors need no token, so that they see no paths.
+            self.last_error = f"not stored: {error.reason}"
             self._notices.note(f"not stored: {error.detail}")
             return
         self.last_error = None

@@ -68,6 +68,8 @@ class _FileSource:
     """A file, pipe or device, to its end."""
 
     def __init__(self, path: str, name: str) -> None:
+        if os.path.isdir(path):  # noqa: PTH112
+            raise InputError("is a folder", path=path, remedy=f"give {_EXAMPLE}")
         try:
             self._descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NOCTTY", 0))
         except OSError as error:
