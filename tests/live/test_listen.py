@@ -193,7 +193,7 @@ def test_an_archive_that_fails_is_told_and_the_listener_goes_on(tmp_path):
 def test_a_variable_that_is_empty_is_no_token(listen, monkeypatch):
     monkeypatch.setenv("GPSZIP_TOKEN", "")
     code, told = listen("", "--http", "0")
-    assert (code, "a token has letters" in told.err) == (2, True)
+    assert (code, "GPSZIP_TOKEN is empty" in told.err) == (2, True)
 
 
 def test_a_process_that_cannot_begin_is_told_and_tried_again(tmp_path, monkeypatch):

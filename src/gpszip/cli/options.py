@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -81,15 +80,9 @@ def common_options(command: F) -> F:
 
 
 def check_token(
-    _context: click.Context, parameter: click.Parameter, token: str | None
+    _context: click.Context, _parameter: click.Parameter, token: str | None
 ) -> str | None:
-    """Refuse a token that is empty, as of a variable that is not set, or that no header can hold.
-
-    An empty one would let everybody in.
-    """
-    # Click takes an empty variable for none.
-    if token is None and isinstance(parameter.envvar, str):
-        token = os.environ.get(parameter.envvar)
+    """Refuse a token that no header can hold, and an empty one, which lets everybody in."""
     if token is not None and (not token or token != token.strip() or not token.isprintable()):
         raise click.BadParameter(
             "a token has letters, and neither control signs nor blanks at its ends"

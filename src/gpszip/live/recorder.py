@@ -22,6 +22,9 @@ __all__ = ["Recorder"]
 #: Fixes that are written at once, at most.
 _MAX_BATCH = 20_000
 
+#: Items that are screened without a break, which takes 17 ms.
+_MAX_SCREENED = 10_000
+
 #: What each verdict on a fix that is left out is counted as.
 _LEFT_OUT = {
     Verdict.REPEAT: "repeated fixes left out",
@@ -76,7 +79,10 @@ class Recorder:
         """
         # Tell of what is none.
         fixes: list[Fix] = []
-        for item in items:
+        for number, item in enumerate(items, 1):
+            if number % _MAX_SCREENED == 0:
+                # Others are answered between the parts of a day's log.
+                await asyncio.sleep(0)
             if isinstance(item, Unusable):
                 self._notices.note(item.reason, item.agent, item.value)
                 continue

@@ -181,8 +181,7 @@ def reachable(archive: Archive, fixes: AgentFixes) -> Flags:
 
 def _has_all_coordinates(archive: Archive, fixes: AgentFixes) -> bool:
     """Whether fixes have a height, where the archive's walks have one."""
-    dimension: int = archive.grid.dimension
-    return fixes.coordinates.shape[1] >= dimension
+    return bool(fixes.coordinates.shape[1] >= archive.grid.dimension)
 
 
 def assign_parts(
