@@ -108,7 +108,6 @@ def test_lines_that_wait_for_others_are_stored_before_the_end(tmp_path):
         (["--http", "0", "--token", ""], 2, "a token has letters"),
         (["--http", "0", "--token", "a\n"], 2, "a token has letters"),
         (["--nmea", "."], 1, "is a folder"),
-        (["--mqtt", "mqtt://host/+"], 2, "topics begin with one base"),
         (["--columns", "t,x,y"], 2, "name columns of the header"),
         (["--archive", "none/a.gpsz", "--rmse", "5m"], 1, "no such folder"),
     ],

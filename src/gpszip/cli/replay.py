@@ -105,6 +105,7 @@ def command(
     from gpszip.errors import OptionError, OutputError
     from gpszip.io.logs.read import read_logs
     from gpszip.live.replay.play import play, samples_of
+    from gpszip.live.sources.connection import without_password
 
     # Refuse what can be refused before the log is read.
     if math.isnan(speed):
@@ -122,14 +123,15 @@ def command(
 
     # Send.
     samples = samples_of(read_result.tracks)
+    shown = without_password(target)
     tell = (lambda _line: None) if quiet or settings.json else print_status
     try:
         played = play(
-            samples, open_target, speed, connections, lambda text: tell(f"{target}: {text}")
+            samples, open_target, speed, connections, lambda text: tell(f"{shown}: {text}")
         )
     except OutputError as error:
-        raise error.located_at(target) from error
-    _print_result(target, samples, played, settings, quiet=quiet)
+        raise error.located_at(shown) from error
+    _print_result(shown, samples, played, settings, quiet=quiet)
     return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
 
 

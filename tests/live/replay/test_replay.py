@@ -19,6 +19,7 @@ from gpszip.live.replay.messages import APPS, Sample
 from gpszip.live.replay.play import play
 from live import bodies
 from live.running import listening, stored
+from live.servers import free_port
 
 needs_server = pytest.mark.skipif(
     find_spec("starlette") is None or find_spec("uvicorn") is None, reason="needs gpszip[live]"
@@ -223,6 +224,16 @@ def test_errors_of_a_server_are_waited_for(tmp_path, capfd, monkeypatch):
     assert len(paths) == 4
     assert paths[0] == paths[1]
     assert paths[0].startswith("/my%20in?key=%C3%B6&id=a0&lat=48.0&")
+
+
+def test_passwords_are_not_shown(tmp_path, capfd):
+    pytest.importorskip("paho.mqtt")
+    (tmp_path / "log.csv").write_text(table("a", 1, 2))
+    url = f"ann:s3cret@127.0.0.1:{free_port()}/base"
+    code, told = run(capfd, tmp_path / "log.csv", "--as", "owntracks", "--to", f"mqtt://{url}")
+    assert code == 1
+    assert "can't be reached" in told.err
+    assert "s3cret" not in told.err
 
 
 def test_a_stream_that_ends_is_an_error():

@@ -70,7 +70,6 @@ class HttpTarget:
             shown = printable(f"{answer.reason}: {text.decode('utf-8', 'replace').strip()}")
             raise OutputError(
                 f"answers {answer.status} {shown}",
-                path=self._url.geturl(),
                 remedy="check the path of --to, and --token",
             )
 
@@ -108,7 +107,7 @@ class MqttTarget:
         try:
             self._client.connect(host, port)
         except OSError as error:
-            raise OutputError(f"can't be reached: {error}", path=url.geturl()) from error
+            raise OutputError(f"can't be reached: {error}", remedy="check --to") from error
         self._client.loop_start()
 
     def send(self, samples: Sequence[Sample]) -> None:
