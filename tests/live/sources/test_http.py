@@ -89,11 +89,11 @@ def test_senders_are_named_by_path_user_headers_and_query(send, server):
     ]:
         (status, _), fixes = send(path, body, **headers)
         assert (status, len(fixes)) == (200, 1), path
-    named = {"x_limit_u": "hannah", "x_limit_d": "phone"}
+    named = {"x_limit_u": "hännah".encode(), "x_limit_d": "phone"}
     send("/owntracks", body, **named)
     credentials = base64.b64encode(b"basil:secret").decode()
     send("/owntracks", body, authorization=f"Basic {credentials}")
-    assert {"hannah/phone", "basil"} <= {fix.agent for fix in stored(server[1])}
+    assert {"hännah/phone", "basil"} <= {fix.agent for fix in stored(server[1])}
 
 
 @pytest.mark.parametrize("name", ["ann#1", "ann?1", "a b", "ä/ß", "[x]"])

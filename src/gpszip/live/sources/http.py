@@ -177,7 +177,7 @@ class HttpSource:
             return JSONResponse(self._report())
 
         # The token first, then the body.
-        headers = {name.lower(): value for name, value in request.headers.items()}
+        headers = {name.lower(): _as_utf8(value) for name, value in request.headers.items()}
         query = _fields(_query(request))
         user = self._user(headers, query)
         if user is None:
@@ -238,8 +238,7 @@ class HttpSource:
         scheme, _, credentials = headers.get("authorization", "").partition(" ")
         user, given = "", query.get("token", "")
         if scheme.lower() == "bearer":
-            # Headers are read as Latin-1; tokens are UTF-8.
-            given = credentials.strip().encode("latin-1").decode("utf-8", "replace")
+            given = credentials.strip()
         elif scheme.lower() == "basic":
             user, given = _basic(credentials)
         if self._token is None:
@@ -338,6 +337,11 @@ def _path(request: Request) -> str:
     # request.url joins path and query to one text, and divides it again at such letters.
     path: str = request.scope["path"]
     return path.strip("/")
+
+
+def _as_utf8(header: str) -> str:
+    """Read a header again that was taken for Latin-1: names and tokens are UTF-8."""
+    return header.encode("latin-1").decode("utf-8", "replace")
 
 
 def _query(request: Request) -> str:
