@@ -61,9 +61,9 @@ def running(*command):
 
 
 @contextmanager
-def broker(folder):
-    """Mosquitto on a free port; yields the port."""
-    port = free_port()
+def broker(folder, port=None):
+    """Mosquitto on a port, a free one by default; yields the port."""
+    port = port or free_port()
     config = Path(folder) / "mosquitto.conf"
     config.write_text(f"listener {port} 127.0.0.1\nallow_anonymous true\n")
     with running(find_program("mosquitto"), "-c", config) as process:

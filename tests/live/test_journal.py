@@ -107,10 +107,22 @@ def test_a_damaged_record_is_counted_and_the_others_are_read(tmp_path):
     assert (tail.damaged, tail.torn) == (1, 0)
 
 
-def test_a_file_of_something_else_is_refused(tmp_path):
-    (tmp_path / "00000001.log").write_text("GET / HTTP/1.1 200 something longer\n")
+@pytest.mark.parametrize("data", [b"GET / HTTP/1.1 200 something longer\n", bytes(40)])
+def test_a_file_of_something_else_is_refused(tmp_path, data):
+    (tmp_path / "00000001.log").write_bytes(data)
     with pytest.raises(InputError, match="no segment"):
         Journal(tmp_path)
+    assert (tmp_path / "00000001.log").read_bytes() == data
+
+
+@pytest.mark.parametrize("head", [bytes(17), b"gpszip" + bytes(11), bytes(3)])
+def test_zeros_that_a_power_failure_left_hold_nothing(tmp_path, head):
+    (tmp_path / "00000001.log").write_bytes(head)
+    journal = Journal(tmp_path)
+    assert journal.torn == len(head)
+    journal.append(FIXES)
+    assert list(journal.recent()) == FIXES
+    journal.close()
 
 
 def test_one_process_writes_to_a_journal(tmp_path):

@@ -1,6 +1,8 @@
 """The command gpszip listen as a user runs it."""
 
+import asyncio
 import contextlib
+import errno
 import io
 import json
 import os
@@ -18,10 +20,12 @@ import pytest
 
 import gpszip
 from gpszip.cli.main import main
+from gpszip.live import Fix, Journal, Notices
 from gpszip.live.journal import segments
+from gpszip.live.listen import Rolling
 from live import bodies
 from live.running import kill_when, listening, request, stored
-from live.servers import wait_until
+from live.servers import free_port, wait_until
 
 needs_server = pytest.mark.skipif(
     find_spec("starlette") is None or find_spec("uvicorn") is None, reason="needs gpszip[live]"
@@ -101,6 +105,9 @@ def test_lines_that_wait_for_others_are_stored_before_the_end(tmp_path):
         (["--archive", "a.gpsz"], 2, "a new archive needs a bound"),
         (["--timezone", "Mars"], 2, "no such zone"),
         (["--http", "host:port"], 2, "give HOST:PORT"),
+        (["--http", "0", "--token", ""], 2, "a token has letters"),
+        (["--http", "0", "--token", "a\n"], 2, "a token has letters"),
+        (["--nmea", "."], 1, "is a folder"),
         (["--columns", "t,x,y"], 2, "name columns of the header"),
         (["--archive", "none/a.gpsz", "--rmse", "5m"], 1, "no such folder"),
     ],
@@ -180,6 +187,39 @@ def test_an_archive_that_fails_is_told_and_the_listener_goes_on(tmp_path):
         assert listener.process.wait(60) == 2
     assert any("the archive in metres" in line for line in listener.lines)
     assert len(stored(tmp_path / "journal")) == 5
+
+
+def test_a_variable_that_is_empty_is_no_token(listen, monkeypatch):
+    monkeypatch.setenv("GPSZIP_TOKEN", "")
+    code, told = listen("", "--http", "0")
+    assert (code, "GPSZIP_TOKEN is empty" in told.err) == (2, True)
+
+
+def test_a_process_that_cannot_begin_is_told_and_tried_again(tmp_path, monkeypatch):
+    async def refuse(*_words, **_options):
+        raise OSError(errno.ENOMEM, "Cannot allocate memory")
+
+    async def roll_for_a_while():
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(0.5):
+                await Rolling(0.01, []).run(journal, notices)
+
+    lines = []
+    journal, notices = Journal(tmp_path), Notices(lines.append)
+    journal.append([Fix("bus", "test", 7.0, 8.0, (48.0, 11.5))])
+    monkeypatch.setattr(asyncio, "create_subprocess_exec", refuse)
+    asyncio.run(roll_for_a_while())
+    journal.close()
+    assert lines[0] == "journal not archived (Cannot allocate memory)"
+    assert notices.counts["journal not archived"] > 1
+
+
+def test_a_broker_that_is_off_is_told(tmp_path):
+    pytest.importorskip("paho.mqtt")
+    with listening(tmp_path, "--mqtt", f"mqtt://127.0.0.1:{free_port()}") as listener:
+        told = "127.0.0.1: can't be reached; will be tried again"
+        assert wait_until(lambda: told in listener.lines), listener.lines
+        assert listener.end() == 0
 
 
 @pytest.mark.parametrize(

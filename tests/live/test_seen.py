@@ -33,6 +33,16 @@ def test_verdicts():
     assert seen.judge(fix(time=8.0, east=1.0, accuracy=90.0)) is Verdict.BETTER
 
 
+def test_times_and_places_below_zero_are_told_apart():
+    # Python's hashes of -1 and -2 are the same.
+    seen = Seen(8)
+    seen.add(fix(time=-1.0, east=-1.0))
+    assert seen.judge(fix(time=-2.0, east=-1.0)) is Verdict.NEW
+    assert seen.judge(fix(time=-1.0, east=-2.0)) is Verdict.WORSE
+    seen.add(fix(time=0.0, east=0.0))
+    assert seen.judge(fix(time=-0.0, east=-0.0)) is Verdict.REPEAT
+
+
 @given(st.integers(1, 60))
 def test_as_many_as_one_generation_are_remembered(count):
     seen = Seen(16)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import functools
+import os
 from collections.abc import Sequence
 from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.options import Settings, common_options, quiet
+from gpszip.cli.options import Settings, check_token, common_options, quiet
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH
 
@@ -24,6 +25,9 @@ __all__ = ["command"]
 
 #: Agent of receivers and streams that name none.
 _DEFAULT_NAME = "log"
+
+#: Variable of the environment with the token.
+_TOKEN_VARIABLE = "GPSZIP_TOKEN"
 
 
 @click.command(
@@ -60,8 +64,9 @@ _DEFAULT_NAME = "log"
 @click.option(
     "--token",
     metavar="TEXT",
-    envvar="GPSZIP_TOKEN",
+    envvar=_TOKEN_VARIABLE,
     show_envvar=True,
+    callback=check_token,
     help="What senders have to know: a bearer token, or the password of basic authentication.",
 )
 @click.option(
@@ -129,6 +134,7 @@ def command(
     is_quiet = quiet or settings.json
     notices = Notices(_no_line if is_quiet else print_status)
     timezone = _timezone(choices["timezone"])
+    _check_token_variable(choices)
     archive = _check_archive(choices)
     if choices["roll_now"]:
         _print_result(folder, notices, _roll(folder, choices), settings, quiet=quiet)
@@ -164,6 +170,12 @@ async def _listen(
     from gpszip.live.listen import listen
 
     await listen(sources, journal, recorder, notices, rolling)
+
+
+def _check_token_variable(choices: dict[str, Any]) -> None:
+    """Refuse a server that everybody may use since a variable is empty: click takes it for none."""
+    if choices["http"] and choices["token"] is None and os.environ.get(_TOKEN_VARIABLE) == "":
+        raise click.UsageError(f"{_TOKEN_VARIABLE} is empty; set it to the token, or unset it")
 
 
 def _check_archive(choices: dict[str, Any]) -> str | None:

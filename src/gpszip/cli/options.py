@@ -14,6 +14,7 @@ from gpszip.cli.derived_names import derive_output
 __all__ = [
     "Settings",
     "archive_argument",
+    "check_token",
     "common_options",
     "force",
     "ignore_oneway",
@@ -76,6 +77,17 @@ def common_options(command: F) -> F:
     return click.option(
         "--json", is_flag=True, expose_value=False, help="Write results and errors as JSON."
     )(command)
+
+
+def check_token(
+    _context: click.Context, _parameter: click.Parameter, token: str | None
+) -> str | None:
+    """Refuse a token that no header can hold, and an empty one, which lets everybody in."""
+    if token is not None and (not token or token != token.strip() or not token.isprintable()):
+        raise click.BadParameter(
+            "a token has letters, and neither control signs nor blanks at its ends"
+        )
+    return token
 
 
 def force(command: F) -> F:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ import click
 from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import (
     Settings,
+    check_token,
     common_options,
     quiet,
     time_options,
@@ -71,6 +73,7 @@ _NMEA_SCHEMES = ("tcp", "udp")
     metavar="TEXT",
     envvar="GPSZIP_TOKEN",
     show_envvar=True,
+    callback=check_token,
     help="Token of the server, sent as a bearer token.",
 )
 @time_order_options
@@ -102,8 +105,11 @@ def command(
     from gpszip.errors import OptionError, OutputError
     from gpszip.io.logs.read import read_logs
     from gpszip.live.replay.play import play, samples_of
+    from gpszip.live.sources.connection import without_password
 
     # Refuse what can be refused before the log is read.
+    if math.isnan(speed):
+        raise click.UsageError("--speed nan: give a number of seconds, or inf")
     open_target = _target(target, kind, token)
     selection = pop_selection(reading)
     read_result = read_logs(logs, selection=selection, **reading)
@@ -117,14 +123,15 @@ def command(
 
     # Send.
     samples = samples_of(read_result.tracks)
+    shown = without_password(target)
     tell = (lambda _line: None) if quiet or settings.json else print_status
     try:
         played = play(
-            samples, open_target, speed, connections, lambda text: tell(f"{target}: {text}")
+            samples, open_target, speed, connections, lambda text: tell(f"{shown}: {text}")
         )
     except OutputError as error:
-        raise error.located_at(target) from error
-    _print_result(target, samples, played, settings, quiet=quiet)
+        raise error.located_at(shown) from error
+    _print_result(shown, samples, played, settings, quiet=quiet)
     return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
 
 
@@ -139,7 +146,7 @@ def _target(target: str, kind: str, token: str | None) -> Callable[[], Target]:
     )
 
     # Apps speak HTTP, and OwnTracks MQTT, too.
-    url = urlsplit(target)
+    url = _split(target)
     if kind == "owntracks" and url.scheme in _MQTT_SCHEMES and url.hostname:
         return lambda: MqttTarget(url)
     if kind != "nmea":
@@ -150,20 +157,23 @@ def _target(target: str, kind: str, token: str | None) -> Callable[[], Target]:
     # Receivers write to sockets and pipes.
     if target == "-":
         return lambda: StreamTarget(sys.stdout.buffer)
-    host, port = _host_and_port(url, target)
+    if url.scheme not in _NMEA_SCHEMES or not url.hostname or url.port is None:
+        raise click.UsageError(f"--to {target}: give udp://HOST:PORT, tcp://HOST:PORT or -")
+    host, port = url.hostname, url.port
     if url.scheme == "udp":
         return lambda: DatagramTarget(host, port)
     return lambda: StreamTarget(accept_client(host, port))
 
 
-def _host_and_port(url: SplitResult, target: str) -> tuple[str, int]:
+def _split(target: str) -> SplitResult:
+    """Split a URL; one whose host or port can't be any has no scheme."""
     try:
-        port = url.port
+        url = urlsplit(target)
+        # These raise, too.
+        _ = url.port, (url.hostname or "").encode("idna")
     except ValueError:
-        port = None
-    if url.scheme not in _NMEA_SCHEMES or not url.hostname or port is None:
-        raise click.UsageError(f"--to {target}: give udp://HOST:PORT, tcp://HOST:PORT or -")
-    return url.hostname, port
+        return urlsplit("")
+    return url
 
 
 def _print_result(

@@ -118,10 +118,11 @@ def read_segment(path: Path, tail: Tail | None = None) -> Iterator[Fix]:
     tail = Tail() if tail is None else tail
     damaged = 0
     with path.open("rb") as file:
-        # A segment whose first line was cut off holds nothing.
+        # A segment whose first line was cut off holds nothing. After a power failure, zeros may
+        # stand in its place.
         head = file.read(len(_HEADER))
         if head != _HEADER:
-            if not _HEADER.startswith(head):
+            if not _HEADER.startswith(head.rstrip(b"\0")) or file.read(1):
                 raise InputError(
                     "is no segment of a journal", path=path, remedy="name another folder"
                 )

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from gpszip.files.os_errors import explain_os_error
 from gpszip.live.journal import Journal
 from gpszip.live.notices import Notices
 from gpszip.live.recorder import Recorder
@@ -41,9 +42,13 @@ class Rolling:
         """Roll again and again, until the task is cancelled."""
         while True:
             await asyncio.sleep(self.every)
-            if not await asyncio.to_thread(journal.advance):
-                continue
-            error = await self._roll()
+            try:
+                if not await asyncio.to_thread(journal.advance):
+                    continue
+                error = await self._roll()
+            except OSError as failed:
+                # Without memory for another process, the listener goes on.
+                error = explain_os_error(failed)
             if error is None:
                 notices.count("times that the journal was archived")
             else:

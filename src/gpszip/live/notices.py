@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter, OrderedDict
 from collections.abc import Callable
 
-__all__ = ["Notices"]
+__all__ = ["Notices", "printable"]
 
 #: Pairs of agent and event whose counts are kept; of more, the one unused for longest goes.
 _MAX_PAIRS = 20_000

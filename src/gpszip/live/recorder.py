@@ -22,6 +22,9 @@ __all__ = ["Recorder"]
 #: Fixes that are written at once, at most.
 _MAX_BATCH = 20_000
 
+#: Items that are screened without a break, which takes 17 ms.
+_MAX_SCREENED = 10_000
+
 #: What each verdict on a fix that is left out is counted as.
 _LEFT_OUT = {
     Verdict.REPEAT: "repeated fixes left out",
@@ -76,7 +79,10 @@ class Recorder:
         """
         # Tell of what is none.
         fixes: list[Fix] = []
-        for item in items:
+        for number, item in enumerate(items, 1):
+            if number % _MAX_SCREENED == 0:
+                # Others are answered between the parts of a day's log.
+                await asyncio.sleep(0)
             if isinstance(item, Unusable):
                 self._notices.note(item.reason, item.agent, item.value)
                 continue
@@ -100,28 +106,38 @@ class Recorder:
 
     async def _write(self) -> None:
         """Write what waits, batch by batch."""
-        while self._waiting:
-            # Take as many as go into one batch.
-            taken: list[tuple[list[Fix], asyncio.Future[None]]] = []
-            size = 0
-            while self._waiting and size < _MAX_BATCH:
-                taken.append(self._waiting.pop(0))
-                size += len(taken[-1][0])
-            fixes = self._new_fixes([fix for group, _ in taken for fix in group])
+        try:
+            while self._waiting:
+                await self._write_batch()
+        finally:
+            self._writer = None
 
-            # Write them beside the event loop, which answers others meanwhile.
-            error: OutputError | None = None
-            try:
-                await asyncio.to_thread(self._journal.append, fixes)
-            except OutputError as failed:
-                error = failed
-            except Exception as failed:  # senders must never wait for an answer in vain
-                error = OutputError(str(failed), location=type(failed).__name__)
+    async def _write_batch(self) -> None:
+        """Write a batch, and answer its senders: none must wait for an answer in vain."""
+        # Take as many as go into one batch.
+        taken: list[tuple[list[Fix], asyncio.Future[None]]] = []
+        size = 0
+        while self._waiting and size < _MAX_BATCH:
+            taken.append(self._waiting.pop(0))
+            size += len(taken[-1][0])
+        fixes = self._new_fixes([fix for group, _ in taken for fix in group])
+
+        # Write them beside the event loop, which answers others meanwhile.
+        error: OutputError | None = None
+        try:
+            await asyncio.to_thread(self._journal.append, fixes)
+        except OutputError as failed:
+            error = failed
+        except Exception as failed:
+            error = OutputError(str(failed), location=type(failed).__name__)
+
+        # Count them, and answer.
+        try:
             self._conclude(fixes, error)
+        finally:
             for _, done in taken:
                 if not done.cancelled():
                     _answer(done, error)
-        self._writer = None
 
     def _new_fixes(self, fixes: Sequence[Fix]) -> list[Fix]:
         """Return fixes without repeats of stored ones and of each other."""
@@ -142,7 +158,8 @@ class Recorder:
     def _conclude(self, fixes: Sequence[Fix], error: OutputError | None) -> None:
         """Keep in mind what was stored, or tell that nothing was."""
         if error is not None:
-            self.last_error = str(error)
+            # Monitors need no token, so that they see no paths.
+            self.last_error = f"not stored: {error.reason}"
             self._notices.note(f"not stored: {error.detail}")
             return
         self.last_error = None

@@ -97,22 +97,28 @@ class _Table:
 
 
 def _key(fix: Fix) -> int:
-    # Python salts hashes of texts, so that no sender can make fixes that share their slots.
-    return (hash((fix.agent, fix.time)) & _MASK_64) or 1
+    # Python salts hashes of texts, so that no sender can make fixes that share their slots. It
+    # gives -1 and -2 one hash, so that times are hashed by their bytes; adding 0 turns -0 into 0.
+    return (hash((fix.agent, struct.pack("<d", fix.time + 0.0))) & _MASK_64) or 1
 
 
 def _value(fix: Fix) -> int:
     """Position and accuracy in 64 bits."""
     accuracy = -1.0 if fix.accuracy is None else min(fix.accuracy, 1e30)
     bits: int = struct.unpack("<I", struct.pack("<f", accuracy))[0]
-    return (hash(fix.position) & _MASK_32) << 32 | bits
+    return _position_bits(fix) << 32 | bits
+
+
+def _position_bits(fix: Fix) -> int:
+    numbers = [number + 0.0 for number in fix.position]
+    return hash(struct.pack(f"<{len(numbers)}d", *numbers)) & _MASK_32
 
 
 def _compare(value: int, fix: Fix) -> Verdict:
     """Compare a remembered value with a fix at the same time."""
     if value == 0:
         return Verdict.NEW
-    if value >> 32 == hash(fix.position) & _MASK_32:
+    if value >> 32 == _position_bits(fix):
         return Verdict.REPEAT
 
     # An accuracy that is known is better than none.

@@ -148,13 +148,14 @@ def test_lines_of_json():
         b'{"_type": "location", "tid": "bo", "tst": 1795000000, "lat": 1, "lon": 2}',
         b'{"class": "TPV", "mode": 3, "time": "2026-11-18T11:06:40Z", "lat": 1, "lon": 2}',
         b'{"class": "VERSION"}',
+        b'{"class": "car", "timestamp": 1795000000, "lat": 1, "lon": 2}',
         b'{"speed": 1}',
         b"{",
     ]
     found = parse(parser, lines)
-    assert [item.agent for item in found] == ["ann", "bo", "gpsd", "log", "log"]
-    assert [item.time for item in found[:3]] == [bodies.TIME] * 3
-    assert all(isinstance(item, Unusable) for item in found[3:])
+    assert [item.agent for item in found] == ["ann", "bo", "gpsd", "log", "log", "log"]
+    assert [item.time for item in found[:4]] == [bodies.TIME] * 4
+    assert all(isinstance(item, Unusable) for item in found[4:])
 
 
 @given(st.lists(st.binary(max_size=40) | st.sampled_from(drive(2)), max_size=6))

@@ -19,6 +19,7 @@ from gpszip.live.replay.messages import APPS, Sample
 from gpszip.live.replay.play import play
 from live import bodies
 from live.running import listening, stored
+from live.servers import free_port
 
 needs_server = pytest.mark.skipif(
     find_spec("starlette") is None or find_spec("uvicorn") is None, reason="needs gpszip[live]"
@@ -42,7 +43,7 @@ def run(capfd, *words):
 @pytest.fixture(scope="module")
 def server(tmp_path_factory):
     folder = tmp_path_factory.mktemp("replayed")
-    with listening(folder, "--http", "127.0.0.1:0", "--token", "secret") as listener:
+    with listening(folder, "--http", "127.0.0.1:0", "--token", "schlüssel") as listener:
         yield listener.port, folder
 
 
@@ -52,7 +53,7 @@ def test_a_listener_gets_what_the_log_has(server, tmp_path, capfd, app):
     port, folder = server
     (tmp_path / "log.csv").write_text(table(app))
     url = f"http://127.0.0.1:{port}/{app}"
-    options = ["--as", app, "--to", url, "--speed", "inf", "--token", "secret", "--json"]
+    options = ["--as", app, "--to", url, "--speed", "inf", "--token", "schlüssel", "--json"]
     code, told = run(capfd, tmp_path / "log.csv", *options)
     report = json.loads(told.out)
     assert (code, report["tracks"], report["points"], report["repeated"]) == (0, 3, 24, 0)
@@ -102,6 +103,11 @@ def test_nmea_goes_to_standard_output(tmp_path, capfd):
         (["--as", "nmea", "--to", "http://a:1"], "give udp://HOST:PORT"),
         (["--as", "nmea", "--to", "udp://a:b"], "give udp://HOST:PORT"),
         (["--as", "nmea", "--to", "tcp://a"], "give udp://HOST:PORT"),
+        (["--as", "osmand", "--to", "http://a:99999"], "give http://HOST:PORT"),
+        (["--as", "osmand", "--to", "http://["], "give http://HOST:PORT"),
+        (["--as", "osmand", "--to", "http://a..b"], "give http://HOST:PORT"),
+        (["--as", "osmand", "--to", "http://a", "--speed", "nan"], "--speed nan"),
+        (["--as", "osmand", "--to", "http://a", "--token", "a\nb"], "a token has letters"),
         (["--as", "morse", "--to", "-"], "morse"),
     ],
 )
@@ -210,14 +216,24 @@ def test_errors_of_a_server_are_waited_for(tmp_path, capfd, monkeypatch):
     monkeypatch.setattr(module, "_RETRY_SECONDS", (0.001, 0.002))
     (tmp_path / "log.csv").write_text(table("a", 1, 2))
     with serving([503, 200, 500, 200]) as (url, paths):
-        options = ["--as", "osmand", "--to", f"{url}/in?key=1", "--speed", "inf"]
+        options = ["--as", "osmand", "--to", f"{url}/my in?key=ö", "--speed", "inf"]
         code, told = run(capfd, tmp_path / "log.csv", *options)
     assert code == 0
     assert "2 messages; 2 of them again" in told.err
     assert told.err.count("answers 503 Service Unavailable; trying again") == 1
     assert len(paths) == 4
     assert paths[0] == paths[1]
-    assert paths[0].startswith("/in?key=1&id=a0&lat=48.0&")
+    assert paths[0].startswith("/my%20in?key=%C3%B6&id=a0&lat=48.0&")
+
+
+def test_passwords_are_not_shown(tmp_path, capfd):
+    pytest.importorskip("paho.mqtt")
+    (tmp_path / "log.csv").write_text(table("a", 1, 2))
+    url = f"ann:s3cret@127.0.0.1:{free_port()}/base"
+    code, told = run(capfd, tmp_path / "log.csv", "--as", "owntracks", "--to", f"mqtt://{url}")
+    assert code == 1
+    assert "can't be reached" in told.err
+    assert "s3cret" not in told.err
 
 
 def test_a_stream_that_ends_is_an_error():

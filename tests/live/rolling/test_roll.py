@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from pyproj import Geod
 
 import gpszip
-from gpszip.errors import BoundError, OptionError, OutputError
+from gpszip.errors import BoundError, GPSZipError, OptionError, OutputError
 from gpszip.live import Fix, Journal
 from gpszip.live.journal import Tail, segments
 from gpszip.live.rolling import roll as module
@@ -212,6 +212,37 @@ def test_robots_have_planes(tmp_path):
     archive = gpszip.open(tmp_path / "a.gpsz")
     found = archive.position("r", [fix.time for fix in fixes])
     assert np.linalg.norm(found - [fix.position for fix in fixes], axis=1).max() <= 0.1001
+
+
+def test_heights_are_neither_made_up_nor_asked_for(tmp_path):
+    def move(agent, first, last, *height):
+        times = range(first, last)
+        positions = [(float(t), 1.0, *height) for t in times]
+        return [
+            Fix(agent, "test", float(t), 9.0, position, geographic=False)
+            for t, position in zip(times, positions, strict=True)
+        ]
+
+    bound = Options(max_error=0.1, effort=1)
+    roll_in(tmp_path, move("r", 0, 10, 5.0), bound)
+    report = roll_in(tmp_path, move("r", 10, 20) + move("s", 0, 10), bound)
+    assert report.archives == [str(tmp_path / "a-2.gpsz")]
+    first, second = (gpszip.open(tmp_path / name) for name in ("a.gpsz", "a-2.gpsz"))
+    assert (first.grid.dimension, second.grid.dimension) == (3, 2)
+    assert second.ids == ("r", "s")
+
+    # Both take more of their kind; what is known is known.
+    report = roll_in(tmp_path, move("s", 5, 20), bound)
+    assert (report.known, report.archives) == (5, [str(tmp_path / "a-2.gpsz")])
+    write(tmp_path / "mixed", move("r", 0, 3, 5.0) + move("r", 3, 6))
+    fixes, _ = read_fixes(segments(tmp_path / "mixed"), Tail())
+    assert fixes["r"].coordinates.tolist() == [[t, 1.0] for t in range(6)]
+
+
+def test_an_archive_that_is_none_is_named(tmp_path):
+    (tmp_path / "a.gpsz").write_text("none")
+    with pytest.raises(GPSZipError, match=r"a\.gpsz: not a"):
+        roll_in(tmp_path, drive("a", 0, 5))
 
 
 def test_a_new_archive_needs_a_bound(tmp_path):

@@ -1,5 +1,6 @@
 """The server, in a process of its own, with the bodies that apps send."""
 
+import asyncio
 import base64
 import json
 import random
@@ -11,6 +12,8 @@ from urllib.parse import quote
 
 import pytest
 
+from gpszip.live import Notices
+from gpszip.live.sources import http
 from live import bodies
 from live.running import kill_when, listening, request, stored
 
@@ -89,11 +92,19 @@ def test_senders_are_named_by_path_user_headers_and_query(send, server):
     ]:
         (status, _), fixes = send(path, body, **headers)
         assert (status, len(fixes)) == (200, 1), path
-    named = {"x_limit_u": "hannah", "x_limit_d": "phone"}
+    named = {"x_limit_u": "hännah".encode(), "x_limit_d": "phone"}
     send("/owntracks", body, **named)
     credentials = base64.b64encode(b"basil:secret").decode()
     send("/owntracks", body, authorization=f"Basic {credentials}")
-    assert {"hannah/phone", "basil"} <= {fix.agent for fix in stored(server[1])}
+    assert {"hännah/phone", "basil"} <= {fix.agent for fix in stored(server[1])}
+
+
+@pytest.mark.parametrize("name", ["ann#1", "ann?1", "a b", "ä/ß", "[x]"])
+def test_names_in_the_path_may_have_any_letter(send, server, name):
+    path = f"/gpslogger/AGENT{quote(name, safe='')}?lat=1&lon=1&timestamp={bodies.TIME}"
+    (status, text), (fix,) = send(path)
+    assert (status, text) == (200, "OK")
+    assert fix.agent.endswith(name)
 
 
 def test_a_batch_of_overland_is_stored_at_once(send):
@@ -138,6 +149,28 @@ def test_bodies_and_queries_are_limited(server):
     assert request(listener.port, "/owntracks", chunks, transfer_encoding="chunked")[0] == 413
     assert request(listener.port, "/osmand?id=" + "x" * 9_000)[0] == 413
     assert request(listener.port, "/osmand", method="DELETE")[0] == 405
+
+
+def test_a_request_that_does_not_come_ends_its_connection(monkeypatch):
+    monkeypatch.setattr(http, "_HEAD_SECONDS", 0.1)
+
+    async def ask(data):
+        source = http.HttpSource("127.0.0.1", 0, Notices(print))
+        serving = asyncio.create_task(source.run(None))
+        reader, writer = await asyncio.open_connection(*source.address.split(":"))
+        writer.write(data)
+        try:
+            async with asyncio.timeout(30):
+                return await reader.read()
+        finally:
+            writer.close()
+            serving.cancel()
+            await asyncio.wait([serving])
+
+    assert asyncio.run(ask(b"")) == b""
+    assert asyncio.run(ask(b"GET /health HTTP/1.1\r\nHost:")) == b""
+    whole = b"GET /health HTTP/1.1\r\nHost: a\r\n\r\n"
+    assert asyncio.run(ask(whole + b"GET")).startswith(b"HTTP/1.1 200")
 
 
 def test_a_sender_that_goes_away_is_no_fault(server):

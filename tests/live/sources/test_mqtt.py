@@ -11,7 +11,7 @@ from gpszip.live.replay.targets import MqttTarget
 from gpszip.live.sources.mqtt import client_for
 from live import bodies
 from live.running import listening, stored
-from live.servers import broker, find_program, wait_until
+from live.servers import broker, find_program, free_port, wait_until
 
 pytestmark = [
     pytest.mark.skipif(find_spec("paho") is None, reason="needs gpszip[live]"),
@@ -94,3 +94,18 @@ def test_addresses(tmp_path, capfd):
     client, host, port = client_for("mqtts://ann:p%40ss@broker", "x")
     assert (host, port) == ("broker", 8883)
     assert (client.username, client.password) == ("ann", "p@ss")
+
+
+def test_a_base_is_no_pattern(tmp_path, capfd):
+    assert main(["listen", "--journal", str(tmp_path), "--mqtt", "mqtt://host/+/mine"]) == 2
+    assert "topics begin with one base, not with +/mine" in capfd.readouterr().err
+
+
+def test_a_broker_that_comes_back_is_told(tmp_path):
+    port = free_port()
+    with listening(tmp_path / "journal", "--mqtt", f"mqtt://127.0.0.1:{port}") as listener:
+        told = ["127.0.0.1: can't be reached; will be tried again", "127.0.0.1: connected again"]
+        assert wait_until(lambda: told[0] in listener.lines), listener.lines
+        with broker(tmp_path, port):
+            assert wait_until(lambda: told[1] in listener.lines), listener.lines
+            assert listener.end() == 0

@@ -128,6 +128,7 @@ def test_nmea_from_a_serial_device(tmp_path):
         os.close(slave)
         os.close(master)
         assert listener.process.wait(60) == 0
+        assert wait_until(lambda: "boat: the device is gone" in listener.lines), listener.lines
     check(stored(tmp_path), "boat")
 
 

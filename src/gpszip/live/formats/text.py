@@ -31,6 +31,12 @@ _SEPARATORS = ",;\t|"
 _ACCURACY = ("accuracy", "acc", "hacc", "horizontalaccuracy")
 _SPEED = ("speed", "spd", "velocity")
 
+#: Classes of gpsd's reports. Objects of other classes have columns, one of which is so called.
+_GPSD_CLASSES = frozenset(
+    {"AIS", "ATT", "DEVICE", "DEVICES", "ERROR", "GST", "IMU", "OSC", "POLL", "PPS", "RAW"}
+    | {"RTCM2", "RTCM3", "SKY", "SUBFRAME", "TOFF", "TPV", "VERSION", "WATCH"}
+)
+
 #: Columns of a table at most.
 _MAX_COLUMNS = 1_000
 
@@ -117,7 +123,8 @@ class TextParser:
 
         # Reports of gpsd, or columns.
         try:
-            if "class" in message:
+            kind = message.get("class")
+            if isinstance(kind, str) and kind in _GPSD_CLASSES:
                 return self._gpsd.parse(message, context)
             names = [name for name, value in message.items() if not isinstance(value, dict | list)]
             table = _Table.of_names(names[:_MAX_COLUMNS], self._columns, self._where)

@@ -187,7 +187,11 @@ def _play_part(
     played: Played,
 ) -> None:
     """Send the samples of one worker."""
-    target = open_target()
+    try:
+        target = open_target()
+    except OSError as error:
+        reason = error.strerror or error
+        raise OutputError(f"can't be opened: {reason}", remedy="check --to") from error
     try:
         for batch in _batches(samples, target.max_samples, speed):
             due = begin + (batch[-1].time - zero) / speed
@@ -218,7 +222,7 @@ def _send(target: Target, batch: Sequence[Sample], stop: threading.Event, played
         try:
             target.send(batch)
         except OSError as error:
-            if attempt == _MAX_ATTEMPTS:
+            if attempt == _MAX_ATTEMPTS or stop.is_set():
                 raise OutputError(f"can't be reached: {error}", remedy="check --to") from error
             played.note_failure(error)
             stop.wait(pause)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import http.client
 import socket
+import string
 import sys
 from collections.abc import Sequence
 from http import HTTPStatus
 from typing import IO
-from urllib.parse import SplitResult
+from urllib.parse import SplitResult, quote
 
 from gpszip.errors import OutputError
+from gpszip.live.notices import printable
 from gpszip.live.replay.messages import BATCHES, Sample, app_message, nmea_sentences
 
 __all__ = ["DatagramTarget", "HttpTarget", "MqttTarget", "StreamTarget", "accept_client"]
@@ -39,9 +41,9 @@ class HttpTarget:
         kind = http.client.HTTPSConnection if url.scheme == "https" else http.client.HTTPConnection
         self._connection = kind(url.hostname or "127.0.0.1", url.port, timeout=_TIMEOUT)
         self._url, self._app = url, app
-        self._headers = {"User-Agent": "gpszip"}
+        self._headers: dict[str, str | bytes] = {"User-Agent": "gpszip"}
         if token:
-            self._headers["Authorization"] = f"Bearer {token}"
+            self._headers["Authorization"] = f"Bearer {token}".encode()
         self.max_samples = BATCHES.get(app, 1)
 
     def send(self, samples: Sequence[Sample]) -> None:
@@ -63,12 +65,11 @@ class HttpTarget:
 
         # Only errors of the server may pass.
         if answer.status >= HTTPStatus.INTERNAL_SERVER_ERROR:
-            raise OSError(f"answers {answer.status} {answer.reason}")
+            raise OSError(f"answers {answer.status} {printable(answer.reason)}")
         if answer.status >= HTTPStatus.MULTIPLE_CHOICES:
-            shown = text.decode("utf-8", "replace").strip()[:100]
+            shown = printable(f"{answer.reason}: {text.decode('utf-8', 'replace').strip()}")
             raise OutputError(
-                f"answers {answer.status} {answer.reason}: {shown}",
-                path=self._url.geturl(),
+                f"answers {answer.status} {shown}",
                 remedy="check the path of --to, and --token",
             )
 
@@ -81,7 +82,9 @@ def _joined(url: SplitResult, path: str) -> str:
     """Join the path and query of a URL with those of a message."""
     own, _, query = path.partition("?")
     queries = "&".join(part for part in (url.query, query) if part)
-    return f"{url.path.rstrip('/') + own or '/'}{'?' if queries else ''}{queries}"
+    joined = f"{url.path.rstrip('/') + own or '/'}{'?' if queries else ''}{queries}"
+    # Users write other letters and blanks as they are.
+    return quote(joined, safe=string.punctuation)
 
 
 class MqttTarget:
@@ -104,7 +107,7 @@ class MqttTarget:
         try:
             self._client.connect(host, port)
         except OSError as error:
-            raise OutputError(f"can't be reached: {error}", path=url.geturl()) from error
+            raise OutputError(f"can't be reached: {error}", remedy="check --to") from error
         self._client.loop_start()
 
     def send(self, samples: Sequence[Sample]) -> None:

@@ -1,7 +1,8 @@
 """The archives that a journal is appended to: one, and further ones where that can't take all.
 
-``A.gpsz`` takes all fixes that it can. ``A-2.gpsz`` takes those too far from its map (400 km), and
-those for which its grid is too coarse; ``A-3.gpsz`` takes what that can't take, and so on.
+``A.gpsz`` takes all fixes that it can. ``A-2.gpsz`` takes those too far from its map (400 km),
+those for which its grid is too coarse, and those without a height if it has heights; ``A-3.gpsz``
+takes what that can't take, and so on.
 
 The track of an agent has its name. Fixes from before the end of that track, which come late, go to
 a track ``NAME (2)``, in the order of time again; if they are before the end of that one, too, to
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.archive import Archive, open_archive
-from gpszip.errors import OptionError
+from gpszip.errors import GPSZipError, OptionError
 from gpszip.geo.planes import PLANE_RADIUS, choose_plane, to_plane
 from gpszip.live.rolling.fixes import AgentFixes
 from gpszip.model import Plane, Track
@@ -81,7 +82,10 @@ def open_archives(path: str | os.PathLike[str]) -> list[tuple[Path, Archive]]:
     for name in archive_names(path):
         if not name.exists():
             break
-        archive = open_archive(name.read_bytes())
+        try:
+            archive = open_archive(name.read_bytes())
+        except GPSZipError as error:
+            raise error.located_at(str(name)) from error
         check_archive(archive, name)
         opened.append((name, archive))
     return opened
@@ -145,6 +149,8 @@ def distances_to(archive: Archive, agent: str, fixes: AgentFixes) -> Floats:
     float64 array, shape (n,)
     """
     distances = np.full(len(fixes), np.inf)
+    if not _has_all_coordinates(archive, fixes):
+        return distances
     known, nodes = set(archive.ids), None
     for name in parts_of(agent):
         if name not in known:
@@ -158,10 +164,10 @@ def distances_to(archive: Archive, agent: str, fixes: AgentFixes) -> Floats:
 
 
 def reachable(archive: Archive, fixes: AgentFixes) -> Flags:
-    """Whether an archive's plane holds each fix, shape (n,)."""
+    """Whether each fix has its place on an archive's map, shape (n,)."""
     plane = archive.grid.plane
     if plane is None:
-        return np.ones(len(fixes), np.bool_)
+        return np.full(len(fixes), _has_all_coordinates(archive, fixes))
     lat, lon = np.radians(fixes.coordinates[:, :2].T)
     near = np.zeros(len(fixes), np.bool_)
     for center in plane.centers:
@@ -171,6 +177,11 @@ def reachable(archive: Archive, fixes: AgentFixes) -> Flags:
         )
         near |= cosine > np.cos(PLANE_RADIUS / _EARTH_RADIUS)
     return near
+
+
+def _has_all_coordinates(archive: Archive, fixes: AgentFixes) -> bool:
+    """Whether fixes have a height, where the archive's walks have one."""
+    return bool(fixes.coordinates.shape[1] >= archive.grid.dimension)
 
 
 def assign_parts(

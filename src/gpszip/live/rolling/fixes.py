@@ -17,6 +17,9 @@ __all__ = ["AgentFixes", "read_fixes"]
 
 Floats = NDArray[np.float64]
 
+#: Coordinates of a fix at most.
+_MAX_DIMENSION = 3
+
 
 @dataclass(frozen=True, eq=False)
 class AgentFixes:
@@ -46,22 +49,22 @@ class _Rows:
 
     def __init__(self) -> None:
         self._times, self._accuracies, self._coordinates = array("d"), array("d"), array("d")
-        self._dimension = 0
+        self._dimension = _MAX_DIMENSION
 
     def add(self, fix: Fix) -> None:
-        """Add a fix; its coordinates beyond those of the first one are left out."""
-        if not self._dimension:
-            self._dimension = len(fix.position)
-        missing = self._dimension - len(fix.position)
+        """Add a fix; coordinates that not all fixes have are left out of all."""
+        self._dimension = min(self._dimension, len(fix.position))
         self._times.append(fix.time)
         self._accuracies.append(np.inf if fix.accuracy is None else fix.accuracy)
-        self._coordinates.extend((*fix.position, *[0.0] * missing)[: self._dimension])
+        self._coordinates.extend((*fix.position, 0.0)[:_MAX_DIMENSION])
 
     def sorted(self) -> AgentFixes:
         """Return the fixes in order, of those at one time the most accurate, or else the first."""
         times = np.frombuffer(self._times)
         order = np.lexsort([np.arange(len(times)), np.frombuffer(self._accuracies), times])
-        coordinates = np.frombuffer(self._coordinates).reshape(-1, self._dimension)
+        coordinates = np.frombuffer(self._coordinates).reshape(-1, _MAX_DIMENSION)[
+            :, : self._dimension
+        ]
         times = times[order]
         is_first = np.append(True, np.diff(times) > 0)
         return AgentFixes(times[is_first], coordinates[order][is_first])

@@ -118,7 +118,8 @@ def roll(
         for batch in _batches(_complete_segments(journal)):
             with as_output_error(path):
                 _roll_batch(batch, Path(path), options, progress, report)
-            mark_archived(journal, batch[-1])
+            with as_output_error(journal):
+                mark_archived(journal, batch[-1])
             report.segments += len(batch)
     finally:
         lock.release()

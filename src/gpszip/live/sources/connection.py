@@ -11,7 +11,7 @@ from gpszip.errors import OptionError
 from gpszip.live.notices import Notices
 from gpszip.live.sources.lines import read_stream_lines
 
-__all__ = ["connected_lines", "split_url"]
+__all__ = ["connected_lines", "split_url", "without_password"]
 
 #: Seconds between attempts to connect, at first and at most; it doubles.
 _RETRY_SECONDS = (0.5, 10.0)
@@ -98,4 +98,20 @@ def split_url(text: str, option: str, schemes: tuple[str, ...], example: str) ->
             return url
     except ValueError:
         pass
-    raise OptionError(f"{option} {text}: is no such address", remedy=f"give one such as {example}")
+    raise OptionError(
+        f"{option} {without_password(text)}: is no such address",
+        remedy=f"give one such as {example}",
+    )
+
+
+def without_password(url: str) -> str:
+    """Return a URL as messages and logs may show it.
+
+    Examples
+    --------
+    >>> without_password("mqtt://ann:secret@host/base")
+    'mqtt://host/base'
+    """
+    scheme, separator, rest = url.partition("://")
+    host, slash, path = rest.partition("/")
+    return f"{scheme}{separator}{host.rpartition('@')[2]}{slash}{path}"

@@ -51,6 +51,9 @@ _MAX_LARGE = 16
 #: Seconds that a body may take.
 _BODY_SECONDS = 30.0
 
+#: Seconds until the head of a request is there; connections that send none are closed.
+_HEAD_SECONDS = 30.0
+
 #: Seconds that the answer to a wrong token takes, so that few can be tried.
 _PAUSE_SECONDS = 0.5
 
@@ -141,6 +144,9 @@ class HttpSource:
         app = Starlette(routes=[Route("/{path:path}", answer, methods=methods)])
         config = uvicorn.Config(
             app,
+            # Other parsers than h11 have no limit for headers.
+            http=_protocol_class(),
+            ws="none",
             log_level="error",
             access_log=False,
             lifespan="off",
@@ -167,12 +173,12 @@ class HttpSource:
         from starlette.responses import JSONResponse, PlainTextResponse
 
         # Monitors need no token: they see counts only.
-        if request.url.path.strip("/") == "health":
+        if _path(request) == "health":
             return JSONResponse(self._report())
 
         # The token first, then the body.
-        headers = {name.lower(): value for name, value in request.headers.items()}
-        query = _fields(request.url.query)
+        headers = {name.lower(): _as_utf8(value) for name, value in request.headers.items()}
+        query = _fields(_query(request))
         user = self._user(headers, query)
         if user is None:
             self._notices.note("requests with a wrong token refused")
@@ -202,14 +208,17 @@ class HttpSource:
         except (TimeoutError, ClientDisconnect):
             self._notices.note("requests that were not sent to their end left out")
             return PlainTextResponse("the body takes too long\n", 408)
-        if body is None or len(request.url.query) > _MAX_QUERY_BYTES:
+        if body is None or len(_query(request)) > _MAX_QUERY_BYTES:
             self._notices.note("requests that are too large refused")
             return PlainTextResponse(f"at most {_MAX_BODY_BYTES:,} bytes\n", 413)
 
         # Store, and answer as the app expects.
-        path = request.url.path.strip("/")
-        message = _Message(path, query, headers, body, user)
-        app, items = self._parse(message)
+        message = _Message(_path(request), query, headers, body, user)
+        if len(body) > _LARGE_BYTES:
+            # A day's log takes a second, in which others are answered.
+            app, items = await asyncio.to_thread(self._parse, message)
+        else:
+            app, items = self._parse(message)
         try:
             await receiver.store(items)
         except OutputError:
@@ -324,6 +333,23 @@ def _parse_table(body: bytes, context: Context) -> list[Fix | Unusable]:
     return found
 
 
+def _path(request: Request) -> str:
+    """The path without its outer slashes; names in it may have any letter, such as # and ?."""
+    # request.url joins path and query to one text, and divides it again at such letters.
+    path: str = request.scope["path"]
+    return path.strip("/")
+
+
+def _as_utf8(header: str) -> str:
+    """Read a header again that was taken for Latin-1: names and tokens are UTF-8."""
+    return header.encode("latin-1").decode("utf-8", "replace")
+
+
+def _query(request: Request) -> str:
+    query: bytes = request.scope["query_string"]
+    return query.decode("latin-1")
+
+
 def _fields(text: str) -> dict[str, str]:
     """Return the fields of a query, the first of each name, with names in small letters."""
     try:
@@ -396,6 +422,41 @@ def _require_packages() -> None:
     except ImportError:
         raise MissingExtraError("live", "--http") from None
     del starlette, uvicorn
+
+
+def _protocol_class() -> Any:
+    """A protocol that closes connections whose request does not come."""
+    import h11
+    from uvicorn.protocols.http.h11_impl import H11Protocol
+
+    class Protocol(H11Protocol):
+        waiting: asyncio.TimerHandle | None = None
+
+        def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+            super().connection_made(transport)
+            self.watch()
+
+        def data_received(self, data: bytes) -> None:
+            super().data_received(data)
+            self.watch()
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            super().connection_lost(exc)
+            self.stop_waiting()
+
+        def watch(self) -> None:
+            """Wait for the end of a head from its first byte on."""
+            if self.conn.their_state is not h11.IDLE:
+                self.stop_waiting()
+            elif self.waiting is None:
+                self.waiting = self.loop.call_later(_HEAD_SECONDS, self.transport.close)
+
+        def stop_waiting(self) -> None:
+            if self.waiting is not None:
+                self.waiting.cancel()
+                self.waiting = None
+
+    return Protocol
 
 
 def _server_class() -> Any:

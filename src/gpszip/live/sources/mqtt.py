@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
-from gpszip.errors import MissingExtraError
+from gpszip.errors import MissingExtraError, OptionError
 from gpszip.live.fix import Unusable
 from gpszip.live.formats.apps import App, parse_message
 from gpszip.live.formats.owntracks import agent_of_topic
@@ -77,7 +77,13 @@ class MqttSource:
         require_paho("--mqtt")
         self._url = text
         self._base = split_url(text, "--mqtt", ("mqtt", "mqtts"), _EXAMPLE).path.strip("/") or _BASE
+        if "+" in self._base:
+            raise OptionError(
+                f"--mqtt: topics begin with one base, not with {self._base}",
+                remedy=f"give one such as {_EXAMPLE}",
+            )
         self._notices = notices
+        self._is_away = False
         # One machine and journal are one session.
         who = f"{platform.node()}:{Path(journal).resolve()}".encode("utf-8", "surrogateescape")
         self._client_id = f"gpszip-{zlib.crc32(who):08x}"
@@ -94,6 +100,19 @@ class MqttSource:
             if not code.is_failure:
                 client.subscribe(f"{self._base}/+/+", qos=1)
 
+        def on_subscribe(_client: Client, _data: Any, _mid: int, codes: Any, _more: Any) -> None:
+            if any(code.is_failure for code in codes):
+                loop.call_soon_threadsafe(
+                    self._notices.note, "MQTT subscription refused", host, str(codes[0])
+                )
+
+        def on_connect_fail(_client: Client, _data: Any) -> None:
+            loop.call_soon_threadsafe(self._note_away, host)
+
+        def on_disconnect(_client: Client, _data: Any, _flags: Any, code: Any, _more: Any) -> None:
+            if code.is_failure and not self._is_ending:
+                loop.call_soon_threadsafe(self._note_away, host)
+
         def on_message(_client: Client, _data: Any, message: MQTTMessage) -> None:
             # The broker sends no more than it may until older ones are acknowledged.
             while not self._space.acquire(timeout=1):
@@ -102,6 +121,8 @@ class MqttSource:
             asyncio.run_coroutine_threadsafe(self._store(client, message, receiver), loop)
 
         client.on_connect, client.on_message = on_connect, on_message
+        client.on_connect_fail, client.on_disconnect = on_connect_fail, on_disconnect
+        client.on_subscribe = on_subscribe
         client.connect_async(host, port)
         client.loop_start()
         try:
@@ -114,8 +135,18 @@ class MqttSource:
     def _note_connection(self, host: str, code: Any) -> None:
         if code.is_failure:
             self._notices.note("MQTT connection refused", host, str(code))
-        else:
-            self._notices.count("connections to MQTT")
+            self._is_away = True
+            return
+        if self._is_away:
+            self._notices.note("connected again", host)
+        self._is_away = False
+        self._notices.count("connections to MQTT")
+
+    def _note_away(self, host: str) -> None:
+        """Tell once that the broker can't be reached, until it is back."""
+        if not self._is_away:
+            self._notices.note("can't be reached; will be tried again", host)
+        self._is_away = True
 
     async def _store(self, client: Client, message: MQTTMessage, receiver: Receiver) -> None:
         """Store a message, and acknowledge it then."""

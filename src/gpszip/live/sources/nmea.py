@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import stat
 import time
 from collections import OrderedDict
 from typing import Any
@@ -52,7 +53,7 @@ def open_nmea(text: str, name: str, notices: Notices) -> FixSource:
         If the file can't be opened.
     """
     if "://" not in text:
-        return _FileSource(text, name or os.path.basename(text))  # noqa: PTH119
+        return _FileSource(text, name or os.path.basename(text), notices)  # noqa: PTH119
     url = split_url(text, "--nmea", ("tcp", "udp"), _EXAMPLE)
     host, port = url.hostname or "0.0.0.0", url.port or _PORT
     if url.scheme == "tcp":
@@ -67,19 +68,24 @@ def _context(received: float) -> Context:
 class _FileSource:
     """A file, pipe or device, to its end."""
 
-    def __init__(self, path: str, name: str) -> None:
+    def __init__(self, path: str, name: str, notices: Notices) -> None:
+        if os.path.isdir(path):  # noqa: PTH112
+            raise InputError("is a folder", path=path, remedy=f"give {_EXAMPLE}")
         try:
             self._descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NOCTTY", 0))
         except OSError as error:
             raise InputError(
                 f"can't be opened: {error.strerror}", path=path, remedy=f"give {_EXAMPLE}"
             ) from error
-        self._name = name
+        self._name, self._notices = name, notices
 
     async def run(self, receiver: Receiver) -> None:
         """Store all fixes."""
         lines = read_descriptor_lines(self._descriptor)
         await store_lines(lines, NmeaParser(self._name), receiver, _context)
+        # Files end, devices don't.
+        if stat.S_ISCHR(os.fstat(self._descriptor).st_mode):
+            self._notices.note("the device is gone", self._name)
         # A file that is still read can't be closed: another one might get its number.
         os.close(self._descriptor)
 
