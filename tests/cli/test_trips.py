@@ -96,6 +96,20 @@ def test_an_archive_needs_no_log(gpszip, phone):
     assert run.code == 2 and "--blur leaves nothing" in run.err
 
 
+def test_what_blur_cannot_hide_is_said(gpszip, tmp_path):
+    rows = [f"{52 + i / 1e3},13.4" for i in range(30)]
+    (tmp_path / "shape.csv").write_text("\n".join(["lat,lon", *rows]))
+    assert gpszip("compress shape.csv -o S.gpsz --no-times --effort 1 --max-error 9m").code == 0
+    run = gpszip("decompress S.gpsz -o S.csv --blur 200m")
+    assert run.code == 2 and "no track without times tells" in run.err
+    assert not (tmp_path / "S.csv").exists()
+    rows = [f"{START + 10 * i},{52 + i / 1e3},13.4" for i in range(30)]
+    (tmp_path / "walk.csv").write_text("\n".join(["t,lat,lon", *rows]))
+    assert gpszip("compress walk.csv -o W.gpsz --effort 1 --max-error 9m").code == 0
+    run = gpszip("decompress W.gpsz -o W.csv --blur 200m")
+    assert run.code == 0 and "--blur hides nothing" in run.err
+
+
 def test_standard_input(gpszip, phone, monkeypatch):
     options = "--effort 1 --max-error 30m --until 2024-05-07 --clean"
     assert gpszip(f"compress phone.csv -o A.gpsz {options}").code == 0
