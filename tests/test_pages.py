@@ -9,6 +9,7 @@ import json
 import re
 import shlex
 import shutil
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.util import find_spec
 from pathlib import Path
@@ -196,17 +197,20 @@ def write_files():
     shutil.copy("rides/0.gpx", "walks/walk.gpx")
     shutil.copy("rides/0.gpx", "walks.gpx")
     write_tracks([gps_lap("next", number=4)], "next.gpx")
-    for name in ("history", "walk", "walks", "drive", "drives"):
+    for name in ("walk", "walks", "drive", "drives"):
         write_tracks([gps_lap(name)], f"{name}.csv")
+    phone = gps_lap("history")
+    errors = {"accuracy": np.full(len(phone), 10.0)}
+    write_tracks([replace(phone, attributes=errors)], "history.csv")
     for number, name in enumerate(("monday", "tuesday")):
         write_tracks([gps_lap(name, number=number)], f"{name}.csv")
 
     # The history of a phone.
-    phone = [
+    fixes = [
         (datetime.fromtimestamp(START + 60 * i, UTC), 52.51 + i % 20 / 1e3, 13.4, 0)
         for i in range(100)
     ]
-    Path("Timeline.json").write_bytes(google.encode(google.android(phone)))
+    Path("Timeline.json").write_bytes(google.encode(google.android(fixes)))
     for name in ("strava", "garmin", "takeout", "apple"):
         Path(f"{name}.zip").write_bytes(exports.zipped(getattr(exports, name)()))
     exports.unpacked(exports.days(), Path("days"))

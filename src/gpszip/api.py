@@ -718,7 +718,8 @@ def trips(
         Metres around the centre of a place that belong to it.
     timezone : str, optional
         Time zone of local hours, such as ``Europe/Berlin``. By default that of the place where most
-        time is spent, if the package timezonefinder is there, else UTC.
+        time is spent, if the package timezonefinder is there, else UTC, by which no place is taken
+        for home or work.
 
     Returns
     -------

@@ -49,4 +49,4 @@ def test_mistakes_are_told(gpszip, files):
     assert "--since" in gpszip(f"changes {base} {base} --since 10").err
     assert "outside" in gpszip(f"changes {base} --since 2024-05-01").err
     assert "no change" in gpszip(f"changes {base} --since 3800 --kinds gone").err
-    assert "not as txt" in gpszip(f"changes {base} --since 3800 -o c.txt").err
+    assert "not as .txt" in gpszip(f"changes {base} --since 3800 -o c.txt").err

@@ -126,8 +126,8 @@ def test_alarms_are_counted(gpszip):
 
 def test_mistakes_are_explained(gpszip, tmp_path):
     assert "Missing option '--map'" in gpszip("unusual later.csv").err
-    assert "not as txt" in gpszip("unusual later.csv --map known.gpsz -o u.txt").err
-    assert "not as txt" in gpszip("predict known.gpsz -o p.txt").err
+    assert "not as .txt" in gpszip("unusual later.csv --map known.gpsz -o u.txt").err
+    assert "not as .txt" in gpszip("predict known.gpsz -o p.txt").err
     (tmp_path / "far.csv").write_text("t,lat,lon\n0,10.0,10.0\n9,10.1,10.1\n")
     done = gpszip("unusual far.csv --map known.gpsz")
     assert done.code == 1

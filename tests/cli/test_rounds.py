@@ -61,7 +61,7 @@ def test_an_archive_and_a_time(gpszip):
 
 
 def test_what_is_refused(gpszip, tmp_path):
-    assert "not as txt" in gpszip("rounds patrol.csv -o r.txt").err
+    assert "not as .txt" in gpszip("rounds patrol.csv -o r.txt").err
     assert "no lines" in gpszip("rounds patrol.csv -o r.geojson").err
     assert "standard output" in gpszip("rounds patrol.csv -o - --edges -").err
     (tmp_path / "once.csv").write_text("t,x,y\n0,0,0\n10,90,0\n20,90,90\n")

@@ -96,6 +96,20 @@ def test_an_archive_needs_no_log(gpszip, phone):
     assert run.code == 2 and "--blur leaves nothing" in run.err
 
 
+def test_what_blur_cannot_hide_is_said(gpszip, tmp_path):
+    rows = [f"{52 + i / 1e3},13.4" for i in range(30)]
+    (tmp_path / "shape.csv").write_text("\n".join(["lat,lon", *rows]))
+    assert gpszip("compress shape.csv -o S.gpsz --no-times --effort 1 --max-error 9m").code == 0
+    run = gpszip("decompress S.gpsz -o S.csv --blur 200m")
+    assert run.code == 2 and "no track without times tells" in run.err
+    assert not (tmp_path / "S.csv").exists()
+    rows = [f"{START + 10 * i},{52 + i / 1e3},13.4" for i in range(30)]
+    (tmp_path / "walk.csv").write_text("\n".join(["t,lat,lon", *rows]))
+    assert gpszip("compress walk.csv -o W.gpsz --effort 1 --max-error 9m").code == 0
+    run = gpszip("decompress W.gpsz -o W.csv --blur 200m")
+    assert run.code == 0 and "--blur hides nothing" in run.err
+
+
 def test_standard_input(gpszip, phone, monkeypatch):
     options = "--effort 1 --max-error 30m --until 2024-05-07 --clean"
     assert gpszip(f"compress phone.csv -o A.gpsz {options}").code == 0
@@ -166,18 +180,54 @@ def test_metres_and_times_from_zero(gpszip, tmp_path):
     assert (rows[1]["x"], rows[1]["y"]) == ("5000", "0")
     assert "local_start" not in rows[0]
 
+    run = gpszip("trips walk.csv --timezone Europe/Berlin")
+    assert run.code == 2 and "they have no time zone" in run.err
+
 
 def test_a_log_without_trips_has_a_table_of_heads(gpszip, tmp_path):
     (tmp_path / "one.csv").write_text("t,lat,lon\n5,48,11\n")
     assert gpszip("trips one.csv -o T.csv --places P.csv").code == 0
     assert (tmp_path / "T.csv").read_text().startswith(",".join(HEAD))
-    assert (tmp_path / "P.csv").read_text().startswith("place,lat,lon")
+    assert (tmp_path / "P.csv").read_text() == (
+        "place,lat,lon,spread,visits,dwell_s,first,last,departures,arrivals,role,evidence,"
+        "usual_hours\n"
+    )
+
+
+def test_types_of_columns_do_not_depend_on_rows(gpszip, phone, tmp_path):
+    (tmp_path / "one.csv").write_text("t,lat,lon\n1714953600,48,11\n")
+    schemas = []
+    for name in ("phone", "one"):
+        run = gpszip(f"trips {name}.csv -o {name}.parquet --places {name}_places.parquet")
+        assert run.code == 0, run.err
+        schemas.append(pq.read_schema(tmp_path / f"{name}.parquet").to_string())
+    text, number = "string", "double"
+    kinds = dict(line.split(": ") for line in schemas[1].splitlines())
+    assert (kinds["kind"], kinds["t_start"], kinds["first_seen"]) == (text, number, number)
+    assert schemas[0].startswith(schemas[1])
+
+
+def test_texts_are_quoted_where_one_needs_it(gpszip, phone):
+    assert gpszip("trips phone.csv -o T.csv").code == 0
+    assert '"' not in (phone.parent / "T.csv").read_text()
+    phone.write_text(phone.read_text().replace("my phone", '"my, phone"'))
+    assert gpszip("trips phone.csv -o T.csv --force").code == 0
+    assert read((phone.parent / "T.csv").read_text())[0]["track_id"] == "my, phone"
+
+
+def test_home_and_work_need_a_time_zone(gpszip, phone):
+    lines = gpszip("trips phone.csv").out.splitlines()
+    assert lines[1].startswith("hours are those of UTC, as no time zone was given: --timezone")
+    assert not any("home" in line or "work" in line for line in lines[2:])
+    assert {place["role"] for place in gpszip("trips phone.csv --json").json["places"]} == {""}
 
 
 @pytest.mark.parametrize(
     ("words", "code", "text"),
     [
-        ("trips phone.csv -o T.xlsx", 1, "trips are written as .csv, .json, .geojson, .parquet"),
+        ("trips phone.csv -o T.xlsx", 1, "trips can be written as .csv, .json, .geojson, .parquet"),
+        ("trips phone.csv -o T.csv --places ./T.csv", 2, "can't both be in T.csv"),
+        ("trips phone.csv -o T.geoparquet", 1, "not as .geoparquet"),
         ("trips phone.csv --timezone Moon", 2, "there is no time zone 'Moon'"),
         ("trips phone.csv --min-stay 5m", 2, "write min for minutes"),
         ("trips phone.csv earth.gpsz", 2, "earth.gpsz is an archive, and 2 files were named"),

@@ -80,7 +80,7 @@ def test_facts_and_likelihood(gpszip, tmp_path):
 
 def test_mistakes_are_told(gpszip):
     assert "no part of time" in gpszip("usage town.gpsz --by minute").err
-    assert "not as txt" in gpszip("usage town.gpsz -o u.txt").err
+    assert "not as .txt" in gpszip("usage town.gpsz -o u.txt").err
     assert "no time zone" in gpszip("usage town.gpsz --timezone Nowhere").err
     assert "no lines" in gpszip("usage town.gpsz --transitions m.geojson").err
     assert "name one archive" in gpszip("usage town.gpsz town.csv").err

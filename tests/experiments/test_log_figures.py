@@ -172,6 +172,12 @@ def test_the_halves_of_a_single_track_are_merged():
     assert [row["archive"] for row in rows_of(outcome)][2:] == ["both, not merged", "merged"]
 
 
+def test_tracks_that_stand_still_have_no_map_in_figure_8_6():
+    still = [Track(name, np.arange(9.0), np.zeros((9, 2))) for name in "ab"]
+    outcome = figure_8_6.run(Setting(tuple(still), rmse=1.0, quick=True))
+    assert [row["edges"] for row in outcome.tables[0].rows] == [0, 0, 0, 0]
+
+
 def test_stays_are_the_cells_with_the_most_time():
     rng = np.random.default_rng(3)
     centers = np.array([[50.0, 50.0], [900.0, 50.0], [50.0, 900.0]])

@@ -96,7 +96,7 @@ def command(
     from gpszip.cli.output import STDOUT, check_output, print_json, print_status
     from gpszip.errors import OptionError
     from gpszip.history.changes.changes import KINDS
-    from gpszip.io.history_tables import check_table_format
+    from gpszip.io.feature_tables import check_table_format
     from gpszip.pipeline.changes import changes
 
     # Refuse what can be refused before anything is read.

@@ -23,6 +23,9 @@ from gpszip.cli.selecting import pop_selection, select_from, selection_options
 from gpszip.cli.units import DURATION, LENGTH
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from gpszip.archive import Archive
     from gpszip.io.logs.log_format import LogFormat
     from gpszip.model import Track
@@ -63,8 +66,8 @@ __all__ = ["command"]
     "--blur",
     type=LENGTH,
     metavar="LENGTH",
-    help="Leave out what lies within this distance of places where a track stayed, to share the "
-    "rest.",
+    help="Leave out what lies in circles of this radius about places where a track stayed, to "
+    "share the rest.",
 )
 @click.option(
     "--drop-ends",
@@ -292,12 +295,11 @@ def _hide(
     import numpy as np
 
     from gpszip.history.stays.hide import hide_places
-    from gpszip.pipeline.trips import places_of_archive
 
     # Circles differ in each run: whoever knew how they are drawn could compute what they hide.
     places = np.zeros((0, archive.grid.dimension))
-    if blur is not None and archive.timed:
-        places = places_of_archive(archive)
+    if blur is not None:
+        places = _places_to_hide(archive)
     left, owners = hide_places(
         tracks,
         pieces or {},
@@ -312,6 +314,28 @@ def _hide(
     return [
         piece for part in left for piece in archive.with_curves(owners[part.id], [part])
     ], owners
+
+
+def _places_to_hide(archive: Archive) -> NDArray[np.float64]:
+    """Places where a track stayed; say where there are none, or some may be missing."""
+    from gpszip.cli.output import print_status
+    from gpszip.cli.units import format_count
+    from gpszip.errors import OptionError
+    from gpszip.pipeline.trips import places_of_archive
+
+    # Whoever shares what is left must know what was not hidden.
+    if not archive.timed:
+        raise OptionError(
+            "--blur hides places where tracks stayed, which no track without times tells",
+            remedy="hide where tracks begin and end: --drop-ends 200m",
+        )
+    places = places_of_archive(archive)
+    if not len(places):
+        print_status("gpszip: no track stayed anywhere for 5 minutes: --blur hides nothing")
+    if archive.untimed:
+        lacking = format_count(len(archive.untimed), "track")
+        print_status(f"gpszip: {lacking} without times: --blur doesn't know where they stayed")
+    return places
 
 
 def _explain_empty(archive: str, hides: str | None) -> str:

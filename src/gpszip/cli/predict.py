@@ -83,7 +83,7 @@ def command(
     from gpszip.cli.archives import explain_corruption, open_archive_bytes, read_archive_bytes
     from gpszip.cli.output import STDOUT, check_output, print_json, print_status
     from gpszip.cli.summary import describe_repairs, print_losses
-    from gpszip.io.history_tables import check_table_format
+    from gpszip.io.feature_tables import check_table_format
     from gpszip.io.logs.read import read_logs
     from gpszip.io.predictions import write_outlooks
     from gpszip.pipeline.predict import predict

@@ -80,7 +80,7 @@ def command(
     from gpszip.errors import OptionError
     from gpszip.history.rounds import find_rounds
     from gpszip.history.traversals import read_history
-    from gpszip.io.history_tables import check_table_format
+    from gpszip.io.feature_tables import check_table_format
 
     # Refuse what can be refused before anything is read.
     outputs = [name for name in (target, edges_target) if name is not None]

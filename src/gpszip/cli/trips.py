@@ -26,6 +26,7 @@ from gpszip.cli.selecting import pop_selection, select_from, selection_options
 from gpszip.cli.units import DURATION, LENGTH, format_count, format_duration, format_length
 
 if TYPE_CHECKING:
+    from gpszip.history.stays.values import Settings as TripSettings
     from gpszip.model import ReadResult
     from gpszip.model.trips import Place, Trips
 
@@ -69,7 +70,7 @@ _MAX_PAIRS = 5
     "--timezone",
     metavar="ZONE",
     help="Time zone of local hours, such as Europe/Berlin. By default that of the place where most "
-    "time is spent, if the package timezonefinder is there, else UTC.",
+    "time is spent, if the package timezonefinder is there, else UTC, and no home and work.",
 )
 @click.option(
     "--min-stay",
@@ -138,13 +139,8 @@ def command(
     from gpszip.errors import OptionError
     from gpszip.history.local_time import find_zone
     from gpszip.history.stays.values import Settings as TripSettings
-    from gpszip.io.trips import (
-        PLACE_FORMATS,
-        TRIP_FORMATS,
-        table_format,
-        write_places,
-        write_trips,
-    )
+    from gpszip.io.feature_tables import check_table_format
+    from gpszip.io.trips import write_places, write_trips
 
     # Refuse what can be refused before anything is read.
     outputs = [name for name in (target, places_target) if name is not None]
@@ -152,12 +148,13 @@ def command(
         raise OptionError(
             "trips and places can't both be on standard output", remedy="name a file for one"
         )
-    for name, formats, what in (
-        (target, TRIP_FORMATS, "trips"),
-        (places_target, PLACE_FORMATS, "places"),
-    ):
+    if len({Path(name).resolve() for name in outputs}) < len(outputs):
+        raise OptionError(
+            f"trips and places can't both be in {target}", remedy="name another file for one"
+        )
+    for name, what in ((target, "trips"), (places_target, "places")):
         if name is not None:
-            table_format(name, formats, what)
+            check_table_format(name, what)
             check_output(name, force=force)
     if timezone is not None:
         find_zone(timezone)
@@ -166,6 +163,11 @@ def command(
     reading["selection"] = pop_selection(reading)
     options = TripSettings(min_stay, max_pause, radius)
     found, read_result = _find(sources, map_name, options, timezone, reading)
+    if timezone is not None and found.places and not found.timezone:
+        raise OptionError(
+            "the times of the log are no dates, so that they have no time zone",
+            remedy="leave out --timezone",
+        )
     zone = find_zone(found.timezone) if found.timezone else None
     if target is not None:
         write_trips(found, target, zone)
@@ -188,7 +190,7 @@ def command(
 def _find(
     sources: tuple[str, ...],
     map_name: str | None,
-    options: Any,
+    options: TripSettings,
     timezone: str | None,
     reading: dict[str, Any],
 ) -> tuple[Trips, ReadResult | None]:
@@ -286,18 +288,18 @@ def _describe(found: Trips) -> list[str]:
             f"{format_count(found.unseen, 'change')} of place in gaps: no trip was seen there"
         )
     if found.doubtful:
-        lines.append(
-            f"{format_count(found.doubtful, 'single fix')} far off between gaps left out"
-            if found.doubtful == 1
-            else f"{found.doubtful:,} single fixes far off between gaps left out"
-        )
+        fixes = "single fix" if found.doubtful == 1 else "single fixes"
+        lines.append(f"{found.doubtful:,} {fixes} far off between gaps left out")
 
     # Places with their hours, and trips between them.
     if found.timezone:
-        said = {"default": ", as none was given", "place": ", that of the first place"}
-        lines.append(
-            f"local hours are those of {found.timezone}{said.get(found.timezone_from, '')}"
-        )
+        said = {
+            "option": f"local hours are those of {found.timezone}",
+            "place": f"local hours are those of {found.timezone}, that of the first place",
+            "default": "hours are those of UTC, as no time zone was given: --timezone "
+            "Europe/Berlin gives local ones, and tells home and work",
+        }
+        lines.append(said[found.timezone_from])
     lines += [_describe_place(place) for place in found.places[:_MAX_PLACES]]
     if len(found.places) > _MAX_PLACES:
         lines.append(f"and {format_count(len(found.places) - _MAX_PLACES, 'more place')}")

@@ -93,7 +93,7 @@ def command(
     from gpszip.cli.output import STDOUT, check_output, print_json, print_status
     from gpszip.errors import OptionError
     from gpszip.history.local_time import find_zone
-    from gpszip.io.history_tables import check_table_format
+    from gpszip.io.feature_tables import check_table_format
     from gpszip.pipeline.usage import log_likelihood, usage
 
     # Refuse what can be refused before anything is read.

@@ -81,6 +81,10 @@ def _find(setting: Setting) -> list[Track]:
 
 def _shared_place(maps: list[list[Floats]]) -> list[Label]:
     """Return the square in which both maps have most roads, as a circle; none if none is shared."""
+    # A track that stands still has no road.
+    if not all(maps):
+        return []
+
     # Points along the roads of each map, in square cells.
     points = [np.concatenate([_along(line) for line in lines]) for lines in maps]
     low, high = (find(np.concatenate(points), axis=0) for find in (np.min, np.max))

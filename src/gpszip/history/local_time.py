@@ -45,7 +45,7 @@ def find_zone(name: str) -> tzinfo:
     except (ZoneInfoNotFoundError, ValueError, OSError):
         raise OptionError(
             f"there is no time zone {name!r}",
-            remedy="write one such as Europe/Berlin or UTC; pip install tzdata brings them all",
+            remedy="write one such as Europe/Berlin or UTC; gpszip[timezones] brings all",
         ) from None
 
 

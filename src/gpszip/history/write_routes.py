@@ -11,7 +11,7 @@ import numpy as np
 
 from gpszip.errors import OutputError
 from gpszip.history.routes import PlannedRoute
-from gpszip.io.history_tables import line_geometry
+from gpszip.io.history_tables import edge_geometry
 from gpszip.io.logs.geojson.write import METRES_MEMBER
 from gpszip.io.logs.write import write_tracks
 from gpszip.io.storage.sink import open_sink
@@ -80,7 +80,7 @@ def write_planned_routes(routes: Sequence[PlannedRoute], network: Network, targe
         {
             "type": "Feature",
             "properties": {"name": name, **route_facts(route)},
-            "geometry": line_geometry(route.line, network),
+            "geometry": edge_geometry(route.line, network),
         }
         for name, route in zip(names, routes, strict=True)
     ]

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 
-from gpszip.io.logs.geojson.write import METRES_MEMBER
-from gpszip.io.storage.sink import open_sink
+from gpszip.io.feature_tables import write_features
 from gpszip.model.difference import FarPlace
 
 __all__ = ["write_far_places"]
@@ -24,25 +22,17 @@ def write_far_places(places: Sequence[FarPlace], target: str, *, geographic: boo
     geographic : bool
         Whether positions are latitudes and longitudes; metres are marked by the member ``gpszip``.
     """
-    lines = ",\n".join(json.dumps(_feature(place, geographic=geographic)) for place in places)
-    # The slice strips the braces, so that the member stands beside "features".
-    member = "" if geographic else f"{json.dumps(METRES_MEMBER)[1:-1]}, "
-    text = f'{{"type": "FeatureCollection", {member}"features": [\n{lines}\n]}}\n'
-    with open_sink(target) as sink:
-        sink.write(text.encode())
+    rows = ({"track_id": p.id, "time": p.time, "distance_m": p.distance} for p in places)
+    geometries = (_geometry(place, geographic=geographic) for place in places)
+    write_features(rows, geometries, target, geographic=geographic)
 
 
-def _feature(place: FarPlace, *, geographic: bool) -> dict[str, object]:
-    """A feature of GeoJSON, which has the longitude first."""
+def _geometry(place: FarPlace, *, geographic: bool) -> dict[str, object]:
+    """A line of GeoJSON, which has the longitude first."""
     ends = [list(place.first), list(place.second)]
     if geographic:
         # Of two longitudes on either side of the antimeridian, the second goes on beyond 180.
         ends = [[lon, lat] for lat, lon in ends]
         turn = round((ends[0][0] - ends[1][0]) / 360.0)
         ends[1][0] += 360.0 * turn
-    properties = {"track_id": place.id, "time": place.time, "distance_m": place.distance}
-    return {
-        "type": "Feature",
-        "properties": properties,
-        "geometry": {"type": "LineString", "coordinates": ends},
-    }
+    return {"type": "LineString", "coordinates": ends}

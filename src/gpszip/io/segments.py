@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OutputError
-from gpszip.geo.degree_lines import cut_at_antimeridian
 from gpszip.geo.planes import to_plane
-from gpszip.io.logs.geojson.write import METRES_MEMBER
+from gpszip.io.feature_tables import features_text, line_geometry
 from gpszip.io.logs.track_rows import DEGREE_DIGITS
 from gpszip.io.storage.sink import open_sink
 from gpszip.model import MarkovModel, Plane, SegmentMean
@@ -160,62 +159,34 @@ def _as_geojson(
             remedy="write .json or .csv",
         )
     traversals = np.bincount(mean.labels, minlength=mean.m)
-    features = [
-        _feature(
+    rows: list[tuple[dict[str, Any], Floats, Floats]] = [
+        (
+            {"kind": "segment", "segment": number, "parts": int(count)},
             model.starts[number],
             model.ends[number],
-            model.plane,
-            {"kind": "segment", "segment": number, "parts": int(count)},
         )
         for number, count in enumerate(traversals)
     ]
-    features += [
-        _feature(
-            model.ends[row["from"]],
-            model.starts[row["to"]],
-            model.plane,
-            {"kind": "transition", **row},
-        )
+    rows += [
+        ({"kind": "transition", **row}, model.ends[row["from"]], model.starts[row["to"]])
         for row in _transitions(model)
     ]
-    features += [
-        _feature(
-            model.starts[part["segment"]],
-            model.ends[part["segment"]],
-            model.plane,
-            {"kind": "part", **part},
-        )
+    rows += [
+        ({"kind": "part", **part}, model.starts[part["segment"]], model.ends[part["segment"]])
         for part in parts
     ]
-
-    # The slice strips the braces, so that the member stands beside "features".
-    member = "" if model.plane is not None else f"{json.dumps(METRES_MEMBER)[1:-1]}, "
-    lines = ",\n".join(json.dumps(feature, ensure_ascii=False) for feature in features)
-    return f'{{"type": "FeatureCollection", {member}"features": [\n{lines}\n]}}\n'
+    geometries = (_geometry(start, end, model.plane) for _, start, end in rows)
+    is_geographic = model.plane is not None
+    return features_text((row for row, *_ in rows), geometries, geographic=is_geographic)
 
 
-def _feature(
-    start: Floats, end: Floats, plane: Plane | None, properties: dict[str, Any]
-) -> dict[str, Any]:
-    """Return a line as a feature, cut at the antimeridian (RFC 7946, 3.1.9)."""
+def _geometry(start: Floats, end: Floats, plane: Plane | None) -> dict[str, Any]:
+    """Return a straight line on a plane as a geometry."""
     line = np.stack([start, end])
     if plane is None:
-        # GeoJSON wants two coordinates at least.
-        if line.shape[1] == 1:
-            line = np.column_stack([line, np.zeros(2)])
-        geometry = {"type": "LineString", "coordinates": np.round(line, _DECIMALS).tolist()}
-        return {"type": "Feature", "properties": properties, "geometry": geometry}
-
-    # Longitude first.
-    decimals = _DECIMALS + DEGREE_DIGITS
-    degrees = np.round(map_coordinates(line, plane)[:, [1, 0]], decimals)
-    cut = cut_at_antimeridian(degrees, np.array([0, 2]), decimals=decimals)
-    lines = [fragment.tolist() for fragment in np.split(cut.points, cut.cuts)]
-    if len(lines) == 1:
-        geometry = {"type": "LineString", "coordinates": lines[0]}
-    else:
-        geometry = {"type": "MultiLineString", "coordinates": lines}
-    return {"type": "Feature", "properties": properties, "geometry": geometry}
+        return line_geometry(line, _DECIMALS, geographic=False)
+    degrees = map_coordinates(line, plane)
+    return line_geometry(degrees, _DECIMALS + DEGREE_DIGITS, geographic=True)
 
 
 # JSON: all there is.

@@ -110,7 +110,7 @@ class Place:
         as ``0-7, 18-24``.
     role : str
         What the place seems to be: ``home`` where most nights are spent, ``work`` where most
-        working hours, or empty.
+        working hours, or empty; also where nothing tells the time zone.
     evidence : str
         The counts behind the role.
     """

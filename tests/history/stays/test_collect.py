@@ -138,6 +138,14 @@ def test_roles_of_a_commuter_depend_on_the_time_zone():
     assert found.places[1].role == ""
 
 
+def test_without_a_time_zone_nothing_is_home_or_work():
+    # Midnight to 7 h of UTC is an afternoon in Los Angeles.
+    found = gpszip.trips(commuter())
+    assert (found.timezone, found.timezone_from) == ("UTC", "default")
+    assert [(place.role, place.evidence) for place in found.places] == [("", ""), ("", "")]
+    assert found.places[1].usual == "9-17"
+
+
 def test_the_time_zone_is_said(monkeypatch):
     assert gpszip.trips(commuter(1)).timezone_from == "default"
     with pytest.raises(OptionError, match="no time zone 'Berlin'"):

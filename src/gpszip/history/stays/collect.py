@@ -94,7 +94,8 @@ def collect_trips(
         What counts as a stay and as a trip.
     timezone : str, optional
         Name of the time zone of local hours; by default that of the place where most time is
-        spent, if the package timezonefinder is there to tell it, else UTC.
+        spent, if the package timezonefinder is there to tell it, else UTC, by which no place has a
+        role.
 
     Returns
     -------
@@ -223,7 +224,7 @@ class _Collection:
         return Trips(
             stays,
             trips,
-            self._places(trips, zone_name),
+            self._places(trips, zone_name, zone_from),
             zone_name,
             zone_from,
             self.plane is not None,
@@ -295,7 +296,7 @@ class _Collection:
                 return name, "place"
         return "UTC", "default"
 
-    def _places(self, trips: Sequence[Trip], zone_name: str) -> tuple[Place, ...]:
+    def _places(self, trips: Sequence[Trip], zone_name: str, zone_from: str) -> tuple[Place, ...]:
         count = len(self.centres)
         if not count:
             return ()
@@ -308,7 +309,9 @@ class _Collection:
             place, owner = self.of_stop[stop], self.owner[stop]
             np.add.at(hours, (place, hour), duration)
             np.add.at(weekdays, (place, (day + 3) % 7), duration)
-            roles = find_roles(place, owner, duration, hour, day, count)
+            # Nights of a zone that nobody named may be days where the log is from.
+            if zone_from != "default":
+                roles = find_roles(place, owner, duration, hour, day, count)
             order = np.argsort(place, kind="stable")
             bounds = np.searchsorted(place[order], np.arange(count + 1))
             for number in range(count):

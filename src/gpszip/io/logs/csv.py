@@ -24,7 +24,7 @@ from gpszip.io.logs.track_rows import TrackRows
 from gpszip.io.logs.track_table import track_tables
 from gpszip.io.storage.expansion import read_chunk
 from gpszip.io.storage.source import Source
-from gpszip.io.tables.quotes import check_quotes
+from gpszip.io.tables.quotes import check_quotes, quote_text
 from gpszip.io.tables.roles import Roles, find_roles
 from gpszip.io.tables.table import build_raw_log
 from gpszip.io.values.arrow import looks_like_number, looks_like_time
@@ -697,21 +697,13 @@ def write_csv(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
     is_first = True
     for table in track_tables(tracks):
         if is_first:
-            header = ",".join(_quote(name) for name in table.column_names)
+            header = ",".join(quote_text(name) for name in table.column_names)
             sink.write((header + "\n").encode())
         is_first = False
 
         # Arrow quotes all texts or none: quote them only if one needs it.
         names = table.column(0).unique().to_pylist()
         has_texts = any(pa.types.is_string(kind) for kind in table.schema.types[1:])
-        needs_quotes = has_texts or any(_quote(name) != name for name in names)
+        needs_quotes = has_texts or any(quote_text(name) != name for name in names)
         style = "needed" if needs_quotes else "none"
         pc.write_csv(table, sink, pc.WriteOptions(include_header=False, quoting_style=style))
-
-
-def _quote(text: str) -> str:
-    """Quote a text that would be read as something else."""
-    has_mark = any(mark in text for mark in ',"\n\r')
-    if text and text == text.strip() and not has_mark and text[0] != "#":
-        return text
-    return '"' + text.replace('"', '""') + '"'

@@ -1,4 +1,4 @@
-"""Detection of unclosed quotes in CSV text.
+"""Quotes in CSV text: where cells need them, and detection of unclosed ones.
 
 Parsers read an unclosed quote as a cell that extends to the next quote, and lose all rows between
 without an error.
@@ -16,7 +16,7 @@ from gpszip.errors import InputError
 from gpszip.io.storage.expansion import read_chunk
 from gpszip.io.storage.source import Source
 
-__all__ = ["check_quotes"]
+__all__ = ["check_quotes", "quote_text"]
 
 #: Bytes that are read at a time: 4 MiB.
 _BLOCK_BYTES = 1 << 22
@@ -114,3 +114,17 @@ def _blocks(source: Source, encoding: str) -> Iterator[bytes]:
     with source.open() as stream:
         while block := read_chunk(stream, _BLOCK_BYTES):
             yield block if decoder is None else decoder.decode(block).encode()
+
+
+def quote_text(text: str) -> str:
+    """Quote a text that would be read as something else.
+
+    Examples
+    --------
+    >>> quote_text("bus 7"), quote_text("7, 8")
+    ('bus 7', '"7, 8"')
+    """
+    has_mark = any(mark in text for mark in ',"\n\r')
+    if text and text == text.strip() and not has_mark and text[0] != "#":
+        return text
+    return '"' + text.replace('"', '""') + '"'
