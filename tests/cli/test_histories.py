@@ -123,3 +123,16 @@ def test_archives_without_times_tell_no_absences(gpszip):
     done = gpszip("unusual log.csv --map untimed.gpsz --json")
     assert (done.code, done.err) == (0, "")
     assert done.json["absences"] == []
+
+
+@pytest.mark.parametrize("command", ["usage", "rounds", "predict", "route"])
+def test_tracks_that_do_not_match_their_own_map(gpszip, command):
+    # Few samples and heights: the clean map rounds off the only corner.
+    corner = [[0, 0, 5], [90, 0, 5], [90, 60, 6]]
+    package.compress(package.Track("a", TIMES[:3], corner), rmse=0.54, max_error=2.16).save(
+        "z.gpsz"
+    )
+    places = " 0,0 90,60" if command == "route" else ""
+    done = gpszip(f"{command} z.gpsz{places}")
+    assert (done.code, done.out) == (1, "")
+    assert "none of its tracks matches" in done.err
