@@ -192,7 +192,7 @@ def read_history(archive: Archive) -> History:
         raise InputError(
             "none of its tracks matches its clean map",
             path="the archive",
-            remedy="compress longer tracks, or with a smaller error",
+            remedy="select or compress longer tracks, or with a smaller error",
         )
     return History(network, traversals)
 
