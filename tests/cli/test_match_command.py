@@ -46,7 +46,7 @@ def drive(tmp_path):
 def test_lines_have_times_roads_and_confidence(gpszip, drive, streets, tmp_path):
     done = gpszip("match", drive, "--network", streets, "-o", "routes.geojson")
     assert done.code == 0, done.err
-    assert "matched 100 % of 140 points in 2 tracks on 2 routes of 1.3" in done.err
+    assert "matched 100 % of 140 points in 2 tracks on 2 routes of 13" in done.err
     assert "sigma" in done.err
     assert "breaks: none" in done.err
     found = json.loads((tmp_path / "routes.geojson").read_text())

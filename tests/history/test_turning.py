@@ -142,3 +142,10 @@ def test_large_turns_stay(legs: Legs) -> None:
             if far and max(far) > 10:
                 assert kept
                 assert max(kept) >= max(far) - 10
+
+
+def test_a_log_without_legs_stays_empty():
+    none = np.zeros(0)
+    whole = none.astype(np.int64)
+    legs = Legs(whole, whole.astype(np.int32), whole, none > 0, none, none, none, none, none)
+    assert len(remove_wandering(legs, 5.0).edge) == 0

@@ -10,7 +10,13 @@ import numpy as np
 
 from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.histories import open_history, outcome_of, reading_options
+from gpszip.cli.histories import (
+    check_stdin,
+    open_history,
+    outcome_of,
+    reading_facts,
+    reading_options,
+)
 from gpszip.cli.options import Settings, common_options, force, map_option
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.selecting import TIME
@@ -105,6 +111,7 @@ def command(
     if target is not None:
         check_table_format(target, "changes")
         check_output(target, force=force)
+    check_stdin(old, new, map_name)
     wanted = KINDS if kinds is None else tuple(kind.strip() for kind in kinds.split(","))
 
     # Compare.
@@ -188,8 +195,6 @@ def _facts(
     """Return the result for JSON."""
     from dataclasses import asdict
 
-    from gpszip.cli.summary import losses_as_dict, repairs_as_dict
-
     return {
         "since": found.since,
         "days": found.days,
@@ -197,12 +202,7 @@ def _facts(
         "false_alarms": found.false_alarms,
         "changes": [{**asdict(change), "delay": change.delay} for change in found.changes],
         "output": target,
-        "read": [
-            None
-            if read is None
-            else {**losses_as_dict(read), **repairs_as_dict(read.repairs, read.left_out)}
-            for read in results
-        ],
+        "read": [reading_facts(read) for read in results],
     }
 
 

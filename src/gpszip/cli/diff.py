@@ -7,13 +7,13 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from io import BytesIO
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
+from gpszip.cli.histories import is_archive, print_reading, reading_facts
 from gpszip.cli.options import (
     Settings,
     common_options,
@@ -34,9 +34,6 @@ if TYPE_CHECKING:
     from gpszip.pipeline.diff import Side
 
 __all__ = ["command"]
-
-#: Bytes by which an archive is known.
-_HEAD_BYTES = 8
 
 #: Names of tracks that a line lists.
 _MAX_NAMED = 5
@@ -167,7 +164,7 @@ def command(
     for name in (first, second):
         side, read_result = _open(name, map_name, gap, reading)
         if read_result is not None and not settings.json:
-            _print_reading(read_result)
+            print_reading(read_result)
         sides.append(side)
         results.append(read_result)
     found = diff(*sides, worst=worst)
@@ -210,11 +207,11 @@ def _open(
     """Open an archive, or read a log."""
     from gpszip.cli.archives import explain_corruption, open_archive_bytes, read_archive_bytes
     from gpszip.io.logs.read import read_logs
-    from gpszip.pipeline.diff import holds_archive, side_of_archive, side_of_log
+    from gpszip.pipeline.diff import side_of_archive, side_of_log
 
     # The file begins like an archive, or is none.
     stdin = sys.stdin.buffer.read() if name == "-" else b""
-    if holds_archive(stdin or _head(name)):
+    if is_archive(name, stdin):
         data = stdin or read_archive_bytes(name)
         with explain_corruption(name, data):
             archive = open_archive_bytes(name, data, map_name)
@@ -223,25 +220,6 @@ def _open(
     # A log; one without times is compared as lines.
     read_result = read_logs([BytesIO(stdin)] if name == "-" else [name], times=False, **reading)
     return side_of_log(read_result.tracks, gap), read_result
-
-
-def _print_reading(read_result: ReadResult) -> None:
-    """Say what reading a log lost and repaired."""
-    from gpszip.cli.output import print_status
-    from gpszip.cli.summary import describe_repairs, print_losses
-
-    print_losses(read_result)
-    for line in describe_repairs(read_result.repairs):
-        print_status(f"gpszip: {line}")
-
-
-def _head(name: str) -> bytes:
-    """First bytes of a file; none where it is a pattern or lies elsewhere."""
-    path = Path(name)
-    if not path.is_file():
-        return b""
-    with path.open("rb") as file:
-        return file.read(_HEAD_BYTES)
 
 
 def _selection(reading: dict[str, Any]) -> Selection:
@@ -253,8 +231,6 @@ def _facts(
     names: tuple[str, str], found: Difference, results: Sequence[ReadResult | None]
 ) -> dict[str, Any]:
     """Return the result for JSON: lengths in metres, times in seconds."""
-    from gpszip.cli.summary import losses_as_dict, repairs_as_dict
-
     return {
         "a": names[0],
         "b": names[1],
@@ -262,12 +238,7 @@ def _facts(
         "tracks": [asdict(track) for track in found.tracks],
         "missing": list(found.missing),
         "worst": [asdict(place) for place in found.worst],
-        "read": [
-            None
-            if result is None
-            else {**losses_as_dict(result), **repairs_as_dict(result.repairs, result.left_out)}
-            for result in results
-        ],
+        "read": [reading_facts(result) for result in results],
     }
 
 

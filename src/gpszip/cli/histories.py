@@ -26,10 +26,16 @@ if TYPE_CHECKING:
     from gpszip.model import ReadResult
 
 __all__ = [
+    "check_stdin",
+    "check_tables",
+    "find_archive",
     "history_options",
+    "is_archive",
     "log_options",
     "open_history",
     "outcome_of",
+    "print_reading",
+    "reading_facts",
     "reading_options",
     "timezone_option",
 ]
@@ -113,37 +119,27 @@ def open_history(
         If an archive is named beside other files.
     """
     from gpszip.cli.archives import explain_corruption, open_archive_bytes, read_archive_bytes
-    from gpszip.errors import OptionError
-    from gpszip.pipeline.diff import holds_archive
 
     # An archive alone. A command without a selection takes all of it.
     selection = pop_selection({**_NO_SELECTION, **reading})
     reading = {name: value for name, value in reading.items() if name not in _NO_SELECTION}
+    check_stdin(*names, map_name)
     stdin = sys.stdin.buffer.read() if "-" in names else b""
-    archives = [name for name in names if holds_archive(stdin if name == "-" else _head(name))]
-    if archives and len(names) > 1:
-        raise OptionError(
-            f"{archives[0]} is an archive, and {len(names)} files were named",
-            remedy="name one archive, or logs; gpszip merge makes one archive of several",
-        )
-    if archives:
-        data = stdin or read_archive_bytes(archives[0])
-        with explain_corruption(archives[0], data):
-            yield select_from(open_archive_bytes(archives[0], data, map_name), selection), None
+    name = find_archive(names, stdin)
+    if name is not None:
+        data = stdin or read_archive_bytes(name)
+        with explain_corruption(name, data):
+            yield select_from(open_archive_bytes(name, data, map_name), selection), None
         return
 
     # Logs.
     from gpszip.api import compress
-    from gpszip.cli.output import print_status
-    from gpszip.cli.summary import describe_repairs, print_losses
     from gpszip.io.logs.read import read_logs
 
     sources = [BytesIO(stdin) if name == "-" else name for name in names]
     read_result = read_logs(sources, times=False, selection=selection, **reading)
     if not quiet:
-        print_losses(read_result)
-        for line in describe_repairs(read_result.repairs):
-            print_status(f"gpszip: {line}")
+        print_reading(read_result)
     yield compress(read_result.tracks, effort=_EFFORT), read_result
 
 
@@ -152,10 +148,91 @@ def outcome_of(read_result: ReadResult | None) -> Outcome:
     return Outcome.DONE if read_result is None or read_result.complete else Outcome.LEFT_OUT
 
 
-def _head(name: str) -> bytes:
-    """First bytes of a file; none where it is a pattern or lies elsewhere."""
+def print_reading(read_result: ReadResult) -> None:
+    """Say what reading a log lost and repaired."""
+    from gpszip.cli.output import print_status
+    from gpszip.cli.summary import describe_repairs, print_losses
+
+    print_losses(read_result)
+    for line in describe_repairs(read_result.repairs):
+        print_status(f"gpszip: {line}")
+
+
+def reading_facts(read_result: ReadResult | None) -> dict[str, Any] | None:
+    """What reading logs lost, repaired and left out, for JSON; None for an archive."""
+    from gpszip.cli.summary import losses_as_dict, repairs_as_dict
+
+    if read_result is None:
+        return None
+    repairs = repairs_as_dict(read_result.repairs, read_result.left_out)
+    return {**losses_as_dict(read_result), **repairs}
+
+
+def find_archive(names: Sequence[str], stdin: bytes) -> str | None:
+    """Return the archive that was named; None for logs.
+
+    Parameters
+    ----------
+    names : sequence of str
+        One archive, or logs.
+    stdin : bytes
+        What ``-`` is.
+
+    Raises
+    ------
+    OptionError
+        If an archive is named beside other files.
+    """
+    from gpszip.errors import OptionError
+
+    found = next((name for name in names if is_archive(name, stdin)), None)
+    if found is not None and len(names) > 1:
+        raise OptionError(
+            f"{found} is an archive, and {len(names)} files were named",
+            remedy="name one archive, or logs; gpszip merge makes one archive of several",
+        )
+    return found
+
+
+def is_archive(name: str, stdin: bytes) -> bool:
+    """Whether a file begins like an archive; a pattern, or what is no file, does not.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file.
+    stdin : bytes
+        What ``-`` is.
+    """
+    from gpszip.pipeline.diff import holds_archive
+
     path = Path(name)
-    if not path.is_file():
-        return b""
+    if name == "-" or not path.is_file():
+        return name == "-" and holds_archive(stdin)
     with path.open("rb") as file:
-        return file.read(_HEAD_BYTES)
+        return holds_archive(file.read(_HEAD_BYTES))
+
+
+def check_stdin(*names: str | None) -> None:
+    """Refuse inputs of which two are standard input, as it can be read only once."""
+    from gpszip.errors import OptionError
+
+    if names.count("-") > 1:
+        raise OptionError(
+            "standard input is named twice, and can be read only once",
+            remedy="name a file for one of them",
+        )
+
+
+def check_tables(*targets: str | None) -> None:
+    """Refuse tables of which two would be written to the same file, or to standard output."""
+    from gpszip.errors import OptionError
+
+    named = [target for target in targets if target is not None]
+    if named.count("-") > 1:
+        raise OptionError("two tables can't be on standard output", remedy="name a file for one")
+    files = [Path(target).resolve() for target in named]
+    if len(set(files)) < len(files):
+        raise OptionError(
+            f"two tables can't be in the same file {named[-1]}", remedy="name another file for one"
+        )

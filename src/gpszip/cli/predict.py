@@ -11,7 +11,13 @@ import numpy as np
 
 from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.histories import log_options, outcome_of
+from gpszip.cli.histories import (
+    check_stdin,
+    log_options,
+    outcome_of,
+    print_reading,
+    reading_facts,
+)
 from gpszip.cli.options import Settings, common_options, force
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.selecting import pop_selection, select_from
@@ -82,7 +88,6 @@ def command(
     """
     from gpszip.cli.archives import explain_corruption, open_archive_bytes, read_archive_bytes
     from gpszip.cli.output import STDOUT, check_output, print_json, print_status
-    from gpszip.cli.summary import describe_repairs, print_losses
     from gpszip.io.feature_tables import check_table_format
     from gpszip.io.logs.read import read_logs
     from gpszip.io.predictions import write_outlooks
@@ -92,6 +97,7 @@ def command(
     if target is not None:
         check_table_format(target, "predictions")
         check_output(target, force=force)
+    check_stdin(archive_name, *logs)
 
     # Read the archive and the log; without a log, a part of the archive can be selected.
     data = read_archive_bytes(archive_name)
@@ -102,9 +108,7 @@ def command(
         sources = [BytesIO(sys.stdin.buffer.read()) if name == "-" else name for name in logs]
         read = read_logs(sources, selection=selection, times=False, **reading)
         if not settings.json:
-            print_losses(read)
-            for line in describe_repairs(read.repairs):
-                print_status(f"gpszip: {line}")
+            print_reading(read)
     else:
         archive = select_from(archive, selection)
 
@@ -131,12 +135,8 @@ def command(
 
 def _facts(outlooks: tuple[Outlook, ...], read: ReadResult | None) -> dict[str, Any]:
     """Return the result for JSON: times in seconds, lengths in metres."""
-    from gpszip.cli.summary import losses_as_dict, repairs_as_dict
-
-    reading = None
-    if read is not None:
-        reading = {**losses_as_dict(read), **repairs_as_dict(read.repairs, read.left_out)}
-    return {"tracks": [_outlook_facts(outlook) for outlook in outlooks], "read": reading}
+    tracks = [_outlook_facts(outlook) for outlook in outlooks]
+    return {"tracks": tracks, "read": reading_facts(read)}
 
 
 def _outlook_facts(outlook: Outlook) -> dict[str, Any]:

@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 
 from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.histories import history_options, open_history, outcome_of
+from gpszip.cli.histories import (
+    check_tables,
+    history_options,
+    open_history,
+    outcome_of,
+    reading_facts,
+)
 from gpszip.cli.options import Settings, common_options, force
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import format_count, format_duration, format_length
@@ -88,8 +94,7 @@ def command(
         if check_table_format(name, "rounds") == "geojson" and name == target:
             raise OptionError("rounds are no lines", remedy="write .csv, or edges by --edges")
         check_output(name, force=force)
-    if outputs.count(STDOUT) > 1:
-        raise OptionError("two tables can't be on standard output", remedy="name a file for one")
+    check_tables(*outputs)
 
     # Find the rounds; the usual one is that of all times.
     since, reading["since"] = reading["since"], None
@@ -157,12 +162,6 @@ def _write_edges(found: Rounds, target: str, network: Network) -> None:
 
 def _facts(found: Rounds, read_result: ReadResult | None) -> dict[str, Any]:
     """Return the result for JSON: lengths in metres, times in seconds."""
-    from gpszip.cli.summary import losses_as_dict, repairs_as_dict
-
-    reading = None
-    if read_result is not None:
-        repairs = repairs_as_dict(read_result.repairs, read_result.left_out)
-        reading = {**losses_as_dict(read_result), **repairs}
     return {
         "rounds": len(found.rounds),
         "complete": sum(each.share >= _COMPLETE for each in found.rounds),
@@ -170,7 +169,7 @@ def _facts(found: Rounds, read_result: ReadResult | None) -> dict[str, Any]:
         "length": found.length,
         "duration": found.duration if np.isfinite(found.duration) else None,
         "regularity": found.regularity,
-        "read": reading,
+        "read": reading_facts(read_result),
     }
 
 

@@ -9,7 +9,13 @@ import click
 
 from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.histories import history_options, open_history, outcome_of, timezone_option
+from gpszip.cli.histories import (
+    history_options,
+    open_history,
+    outcome_of,
+    reading_facts,
+    timezone_option,
+)
 from gpszip.cli.options import Settings, common_options, force
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import format_count, format_duration
@@ -154,13 +160,8 @@ def _facts(
     plan: Plan, by: str, target: str | None, read_result: ReadResult | None
 ) -> dict[str, Any]:
     """Return the result for JSON."""
-    from gpszip.cli.summary import losses_as_dict, repairs_as_dict
     from gpszip.history.write_routes import route_facts
 
-    reading = None
-    if read_result is not None:
-        repairs = repairs_as_dict(read_result.repairs, read_result.left_out)
-        reading = {**losses_as_dict(read_result), **repairs}
     return {
         "by": by,
         "depart": plan.depart,
@@ -168,7 +169,7 @@ def _facts(
         "timezone_from": plan.calendar.source,
         "routes": [route_facts(route) for route in plan.routes],
         "output": target,
-        "read": reading,
+        "read": reading_facts(read_result),
     }
 
 

@@ -5,13 +5,20 @@ from __future__ import annotations
 import sys
 from datetime import tzinfo
 from io import BytesIO
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
+from gpszip.cli.histories import (
+    check_stdin,
+    check_tables,
+    find_archive,
+    outcome_of,
+    print_reading,
+    reading_facts,
+)
 from gpszip.cli.options import (
     Settings,
     common_options,
@@ -31,9 +38,6 @@ if TYPE_CHECKING:
     from gpszip.model.trips import Place, Trips
 
 __all__ = ["command"]
-
-#: Bytes by which an archive is known.
-_HEAD_BYTES = 8
 
 #: Places that the summary lists.
 _MAX_PLACES = 8
@@ -144,14 +148,8 @@ def command(
 
     # Refuse what can be refused before anything is read.
     outputs = [name for name in (target, places_target) if name is not None]
-    if outputs.count(STDOUT) > 1:
-        raise OptionError(
-            "trips and places can't both be on standard output", remedy="name a file for one"
-        )
-    if len({Path(name).resolve() for name in outputs}) < len(outputs):
-        raise OptionError(
-            f"trips and places can't both be in {target}", remedy="name another file for one"
-        )
+    check_tables(*outputs)
+    check_stdin(*sources, map_name)
     for name, what in ((target, "trips"), (places_target, "places")):
         if name is not None:
             check_table_format(name, what)
@@ -180,11 +178,10 @@ def command(
         print_json(_facts(found, read_result, zone, target, places_target), err=on_stdout)
     else:
         if read_result is not None:
-            _print_reading(read_result)
+            print_reading(read_result)
         for line in _describe(found):
             click.echo(line, err=on_stdout)
-    complete = read_result is None or read_result.complete
-    return Outcome.DONE if complete else Outcome.LEFT_OUT
+    return outcome_of(read_result)
 
 
 def _find(
@@ -196,49 +193,23 @@ def _find(
 ) -> tuple[Trips, ReadResult | None]:
     """Open an archive or read logs, and find their trips."""
     from gpszip.cli.archives import explain_corruption, open_archive_bytes, read_archive_bytes
-    from gpszip.errors import OptionError
     from gpszip.io.logs.read import read_logs
-    from gpszip.pipeline.diff import holds_archive
     from gpszip.pipeline.trips import trips_of_archive, trips_of_log
 
     # An archive alone; standard input is known by its content, too.
-    stdin = sys.stdin.buffer.read() if sources == ("-",) else b""
-    archives = [name for name in sources if holds_archive(stdin or _head(name))]
-    if archives and len(sources) > 1:
-        raise OptionError(
-            f"{archives[0]} is an archive, and {len(sources)} files were named",
-            remedy="name one archive, or logs; gpszip merge makes one archive of several",
-        )
-    if archives:
-        data = stdin or read_archive_bytes(archives[0])
-        with explain_corruption(archives[0], data):
-            archive = open_archive_bytes(archives[0], data, map_name)
+    stdin = sys.stdin.buffer.read() if "-" in sources else b""
+    name = find_archive(sources, stdin)
+    if name is not None:
+        data = stdin or read_archive_bytes(name)
+        with explain_corruption(name, data):
+            archive = open_archive_bytes(name, data, map_name)
             selected = select_from(archive, reading["selection"])
             return trips_of_archive(selected, options, timezone), None
 
     # Logs; phones send points late, so that their order is often not that of time.
-    logs = [BytesIO(stdin)] if stdin else sources
+    logs = [BytesIO(stdin) if source == "-" else source for source in sources]
     read_result = read_logs(logs, accuracy=True, sort=True, **reading)
     return trips_of_log(read_result.tracks, options, timezone), read_result
-
-
-def _head(name: str) -> bytes:
-    """First bytes of a file; none where it is a pattern or lies elsewhere."""
-    path = Path(name)
-    if not path.is_file():
-        return b""
-    with path.open("rb") as file:
-        return file.read(_HEAD_BYTES)
-
-
-def _print_reading(read_result: ReadResult) -> None:
-    """Say what reading a log lost and repaired."""
-    from gpszip.cli.output import print_status
-    from gpszip.cli.summary import describe_repairs, print_losses
-
-    print_losses(read_result)
-    for line in describe_repairs(read_result.repairs):
-        print_status(f"gpszip: {line}")
 
 
 def _facts(
@@ -249,13 +220,8 @@ def _facts(
     places_target: str | None,
 ) -> dict[str, Any]:
     """Return the result for JSON."""
-    from gpszip.cli.summary import losses_as_dict, repairs_as_dict
     from gpszip.io.trips import matrix_rows, place_rows
 
-    reading = None
-    if read_result is not None:
-        repairs = repairs_as_dict(read_result.repairs, read_result.left_out)
-        reading = {**losses_as_dict(read_result), **repairs}
     return {
         "output": target,
         "places_output": places_target,
@@ -269,7 +235,7 @@ def _facts(
         "timezone_from": found.timezone_from or None,
         "places": place_rows(found, zone),
         "matrix": matrix_rows(found),
-        "read": reading,
+        "read": reading_facts(read_result),
     }
 
 

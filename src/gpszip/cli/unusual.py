@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,13 @@ import numpy as np
 
 from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.histories import log_options, outcome_of
+from gpszip.cli.histories import (
+    check_stdin,
+    log_options,
+    outcome_of,
+    print_reading,
+    reading_facts,
+)
 from gpszip.cli.options import Settings, common_options, force
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.selecting import pop_selection
@@ -91,14 +98,18 @@ def command(
     """
     from gpszip.cli.archives import explain_corruption, open_archive_bytes, read_archive_bytes
     from gpszip.cli.output import STDOUT, check_output, print_json, print_status
+    from gpszip.errors import OptionError
     from gpszip.io.feature_tables import check_table_format
     from gpszip.io.logs.read import read_logs
     from gpszip.pipeline.unusual import unusual
 
-    # Refuse what can be refused before anything is read.
+    # Refuse what can be refused before anything is read. NaN passes as a number of any range.
+    if math.isnan(alarm):
+        raise OptionError("--alarm is nan", remedy="give bits, such as 20")
     if target is not None:
         check_table_format(target, "unusual")
         check_output(target, force=force)
+    check_stdin(map_name, *logs)
 
     # Read the log and the archive, and compare.
     data = read_archive_bytes(map_name)
@@ -107,7 +118,7 @@ def command(
     sources = [BytesIO(sys.stdin.buffer.read()) if name == "-" else name for name in logs]
     read = read_logs(sources, selection=pop_selection(reading), **reading)
     if not settings.json:
-        _print_reading(read)
+        print_reading(read)
     found = unusual(read.tracks, archive)
     if target is not None:
         _write(found, read.tracks, target, parts=parts)
@@ -123,16 +134,6 @@ def command(
             rows = len(found.anomalies) if parts else len(found)
             print_status(f"{target}: {format_count(rows, 'row')}")
     return outcome_of(read)
-
-
-def _print_reading(read: ReadResult) -> None:
-    """Say what reading a log lost and repaired."""
-    from gpszip.cli.output import print_status
-    from gpszip.cli.summary import describe_repairs, print_losses
-
-    print_losses(read)
-    for line in describe_repairs(read.repairs):
-        print_status(f"gpszip: {line}")
 
 
 def _write(found: Unusual, tracks: Sequence[Track], target: str, *, parts: bool) -> None:
@@ -159,8 +160,6 @@ def _rates(found: Unusual, alarm: float) -> tuple[int, float | None, float | Non
 
 def _facts(found: Unusual, alarm: float, read: ReadResult) -> dict[str, Any]:
     """Return the result for JSON: times in seconds, scores in bits."""
-    from gpszip.cli.summary import losses_as_dict, repairs_as_dict
-
     above, rate, delay = _rates(found, alarm)
     return {
         "trips": [
@@ -179,7 +178,7 @@ def _facts(found: Unusual, alarm: float, read: ReadResult) -> dict[str, Any]:
         "alarms": above,
         "alarms_per_agent_and_day": rate,
         "delay": delay,
-        "read": {**losses_as_dict(read), **repairs_as_dict(read.repairs, read.left_out)},
+        "read": reading_facts(read),
     }
 
 

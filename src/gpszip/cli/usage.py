@@ -9,7 +9,15 @@ import numpy as np
 
 from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.histories import history_options, open_history, outcome_of, timezone_option
+from gpszip.cli.histories import (
+    check_stdin,
+    check_tables,
+    history_options,
+    open_history,
+    outcome_of,
+    reading_facts,
+    timezone_option,
+)
 from gpszip.cli.options import Settings, common_options, force
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import format_count
@@ -102,8 +110,8 @@ def command(
         if check_table_format(name, "usage") == "geojson" and name == transitions_target:
             raise OptionError("transitions are no lines", remedy="write .csv, .json or .parquet")
         check_output(name, force=force)
-    if outputs.count(STDOUT) > 1:
-        raise OptionError("two tables can't be on standard output", remedy="name a file for one")
+    check_tables(*outputs)
+    check_stdin(*sources, map_name, log)
     if timezone is not None:
         find_zone(timezone)
     parts = () if by.strip() in {"", "none"} else tuple(part.strip() for part in by.split(","))
@@ -174,12 +182,6 @@ def _facts(
     found: Usage, likelihood: RouteLikelihood | None, read_result: ReadResult | None
 ) -> dict[str, Any]:
     """Return the result for JSON: lengths in metres, times in seconds."""
-    from gpszip.cli.summary import losses_as_dict, repairs_as_dict
-
-    reading = None
-    if read_result is not None:
-        repairs = repairs_as_dict(read_result.repairs, read_result.left_out)
-        reading = {**losses_as_dict(read_result), **repairs}
     rows = found.traversals
     return {
         "edges": len(found.network),
@@ -211,7 +213,7 @@ def _facts(
             }
             for agent in found.agents
         ],
-        "read": reading,
+        "read": reading_facts(read_result),
     }
 
 
@@ -249,6 +251,8 @@ def _describe(found: Usage, likelihood: RouteLikelihood | None) -> list[str]:
             f"log-likelihood {likelihood.log_likelihood:.1f} of "
             f"{format_count(likelihood.transitions, 'transition')}, "
             f"{likelihood.bits_per_transition:.3f} bits each"
+            if likelihood.transitions
+            else "the log whose likelihood is asked for goes from no edge to another"
         )
     return lines
 

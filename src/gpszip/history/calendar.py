@@ -61,6 +61,11 @@ class Calendar:
     def local(self, times: ArrayLike) -> NDArray[np.float64]:
         """Seconds of the local clock, shape (n,), NaN where times are.
 
+        Raises
+        ------
+        OptionError
+            If a time is no date of the years 1 to 9999.
+
         Examples
         --------
         >>> from datetime import UTC
@@ -80,7 +85,10 @@ class Calendar:
         # A log whose times are no dates has no offset.
         if not self.name:
             return 0.0
-        offset = datetime.fromtimestamp(time, self.zone).utcoffset()
+        try:
+            offset = datetime.fromtimestamp(time, self.zone).utcoffset()
+        except (OSError, OverflowError, ValueError) as error:
+            raise OptionError(f"{time:g} s since 1970 is no date") from error
         return 0.0 if offset is None else offset.total_seconds()
 
     def hours(self, times: ArrayLike) -> NDArray[np.float64]:

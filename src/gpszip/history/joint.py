@@ -38,7 +38,7 @@ def join_histories(first: Archive, second: Archive) -> tuple[History, NDArray[np
     Raises
     ------
     OptionError
-        If one is in degrees and the other in metres.
+        If one is in degrees and the other in metres, or only one has heights.
     InputError
         If nothing moves in them.
     """
@@ -46,6 +46,11 @@ def join_histories(first: Archive, second: Archive) -> tuple[History, NDArray[np
     plane = first.grid.plane
     if (plane is None) != (second.grid.plane is None):
         raise OptionError("one archive is in degrees and the other in metres")
+    if first.trimmed_map.nodes.shape[1] != second.trimmed_map.nodes.shape[1]:
+        raise OptionError(
+            "only one of both archives has heights",
+            remedy="compress both with heights, or both without",
+        )
 
     # All nodes and walks, those of the second with higher numbers.
     nodes: list[NDArray[np.float64]] = []

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.errors import InputError
+from gpszip.errors import InputError, OptionError
 from gpszip.history.groups import sum_by
 from gpszip.history.traversals import History, Traversals
 from gpszip.model.rounds import EdgeVisits, Round, Rounds
@@ -120,6 +120,8 @@ def find_rounds(history: History, since: float | None = None) -> Rounds:
     ------
     InputError
         If travel doesn't repeat in rounds.
+    OptionError
+        If ``since`` is given, and no track has times.
 
     Examples
     --------
@@ -133,6 +135,8 @@ def find_rounds(history: History, since: float | None = None) -> Rounds:
     # 1. The base.
     travel = _list_travel(history)
     traversals, lengths = travel.traversals, travel.lengths
+    if since is not None and not np.isfinite(traversals.enter).any():
+        raise OptionError("no track has times, so that nothing is before or since one")
     cut = _choose_base(travel)
     total = float(traversals.metres.sum())
     regularity = 0.0 if cut is None else 1.0 - cut.cost / total

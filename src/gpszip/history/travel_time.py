@@ -228,7 +228,7 @@ def learn_travel_times(history: History, calendar: Calendar | None = None) -> Tr
     Raises
     ------
     OptionError
-        If no track has times.
+        If no track has times, or none travels half of an edge.
     """
     from gpszip.history.calendar import choose_calendar
 
@@ -236,9 +236,14 @@ def learn_travel_times(history: History, calendar: Calendar | None = None) -> Tr
     network, rows = history
     calendar = calendar or choose_calendar(network, rows.enter, None)
     told = _told(network, rows, calendar)
-    if not len(told.seconds):
+    if not np.isfinite(rows.enter).any():
         raise OptionError(
             "no track has times, so that there are no travel times", remedy="log times, too"
+        )
+    if not len(told.seconds):
+        raise OptionError(
+            "no track travels half of an edge, so that there are no travel times",
+            remedy="give longer tracks",
         )
 
     # The strength that foresees drives best, and the band with it.

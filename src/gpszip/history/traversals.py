@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.archive import Archive
+from gpszip.errors import InputError
 from gpszip.history.groups import sum_by
 from gpszip.history.turning import Legs, remove_wandering
 from gpszip.io.networks.from_archive import clean_map_network
@@ -169,7 +170,7 @@ def read_history(archive: Archive) -> History:
     Raises
     ------
     InputError
-        If nothing moves in the archive.
+        If nothing moves in the archive, or none of its tracks matches its clean map.
 
     Examples
     --------
@@ -187,6 +188,12 @@ def read_history(archive: Archive) -> History:
     number, names = {track: i for i, track in enumerate(archive.ids)}, archive.pieces
     owners = [number[names[piece.id]] for piece in pieces]
     traversals = match_traversals(pieces, network, archive.ids, owners, gap=np.inf, are_knots=True)
+    if not len(traversals):
+        raise InputError(
+            "none of its tracks matches its clean map",
+            path="the archive",
+            remedy="select or compress longer tracks, or with a smaller error",
+        )
     return History(network, traversals)
 
 

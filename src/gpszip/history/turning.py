@@ -87,8 +87,11 @@ def remove_wandering(legs: Legs, tolerance: float) -> Legs:
     >>> once.edge.tolist(), once.begin.tolist(), once.end.tolist(), once.leave.tolist()
     ([4], [0.0], [200.0], [20.0])
     """
+    # A log may have no leg on the map.
     while True:
         count = len(legs.edge)
+        if not count:
+            return legs
         legs = _join_same(_join_empty(legs))
         legs = _join_excursions(_join_swings(legs, tolerance), tolerance)
         legs = _join_ends(legs, tolerance)

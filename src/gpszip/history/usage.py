@@ -220,4 +220,5 @@ def _repeated_share(rows: Traversals, *, by_track: bool) -> float:
     first = np.unique(key, return_index=True)[1]
     metres = rows.metres[order]
     total = float(metres.sum())
-    return 1.0 - float(metres[first].sum()) / total if total else 0.0
+    # Sums in another order may differ in their last digits.
+    return max(1.0 - float(metres[first].sum()) / total, 0.0) if total else 0.0

@@ -15,13 +15,16 @@ from gpszip.history.routes import PlannedRoute, find_position, find_routes
 from gpszip.history.travel_time import learn_travel_times
 from gpszip.history.traversals import read_history
 from gpszip.model import Network
-from gpszip.model.timestamps import Times, to_seconds
+from gpszip.model.timestamps import Times, counts_from_1970, to_seconds
 
 __all__ = ["Plan", "plan_route"]
 
 #: Parts of a time of day: hours, and minutes at most 59.
 _CLOCK_PARTS = 2
 _MINUTES = 60
+
+#: Seconds between a departure and the last time of the log at most: a hundred years.
+_MAX_APART = 100 * 365.25 * 86_400.0
 
 
 class Plan(NamedTuple):
@@ -82,6 +85,8 @@ def _to_metres(place: Sequence[float], network: Network) -> Sequence[float]:
     """A place in the coordinates of the log as metres on its plane."""
     first, second = place[0], place[1]
     if network.plane is None:
+        if not (np.isfinite(first) and np.isfinite(second)):
+            raise OptionError(f"{first:g},{second:g} is no position", remedy="give x,y in metres")
         return (first, second)
     if not (abs(first) <= 90 and abs(second) <= 360):
         raise OptionError(
@@ -94,10 +99,24 @@ def _to_metres(place: Sequence[float], network: Network) -> Sequence[float]:
 
 def _departure(depart: str | Times, calendar: Calendar, last: float) -> float:
     """Seconds of a departure: a time of day on the last day of the log, or a time."""
+    # A time, near enough to the log for dates and hours that are those of the log.
     if not isinstance(depart, str) or "-" in depart:
-        return float(to_seconds(depart, name="depart"))
+        seconds = float(to_seconds(depart, name="depart"))
+        if not calendar.name and counts_from_1970(seconds):
+            raise OptionError(
+                f"departure {depart} is a date, and the times of the log are none",
+                remedy="give hours from the log's zero, such as 00:30",
+            )
+        if not abs(seconds - last) <= _MAX_APART:
+            raise OptionError(
+                f"departure {depart} is more than a hundred years from the log",
+                remedy="give a time nearer to it, or a time of day such as 08:00",
+            )
+        return seconds
+
+    # A time of day.
     parts = depart.split(":")
-    if len(parts) > _CLOCK_PARTS or not all(part.isdigit() for part in parts):
+    if len(parts) > _CLOCK_PARTS or not all(part.isdecimal() for part in parts):
         raise OptionError(f"{depart!r} is no departure", remedy="write one such as 08:00")
     hour, minute = int(parts[0]), int(parts[1]) if len(parts) > 1 else 0
     if hour >= 24 or minute >= _MINUTES:

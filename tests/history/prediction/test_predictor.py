@@ -327,3 +327,16 @@ def test_destination_follows_from_the_way_travelled():
         assert told[0].node == end
         # Six of six trips, and two in the prior, of which half ended there.
         assert told[0].probability == pytest.approx(7 / 8)
+
+
+def test_times_and_metres_that_are_wrong_are_refused(predictor, asked):
+    agent, route, times = asked[0]
+    wrong = [
+        lambda: predictor.surprise(route, times[:1], agent),
+        lambda: predictor.learn(route, times[:1], agent),
+        lambda: predictor.arrival(route, 0, times[-1], metres_left=math.nan),
+        lambda: predictor.arrival(route, 0, 1e18),
+    ]
+    for ask in wrong:
+        with pytest.raises(OptionError):
+            ask()

@@ -343,10 +343,12 @@ def _speeds(both: _Both, threshold: float) -> list[Change]:
     # Observed over expected seconds, as the time before expects them.
     network, rows, after = both
     calendar = choose_calendar(network, rows.enter, None)
-    times = learn_travel_times(History(network, rows.take(~after)), calendar)
-    hour = calendar.part("hour", rows.enter)
     seconds = rows.leave - rows.enter - rows.standing
     whole = (rows.metres >= _MIN_SHARE * network.lengths[rows.edge]) & (seconds > 0)
+    if not whole[~after].any():
+        return []
+    times = learn_travel_times(History(network, rows.take(~after)), calendar)
+    hour = calendar.part("hour", rows.enter)
     told = np.flatnonzero(whole & (times.counts[rows.directed] > 0))
     expected = times.rates[rows.directed[told], hour[told]] * rows.metres[told]
     ratio = np.log(seconds[told] / expected)

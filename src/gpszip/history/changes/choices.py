@@ -10,6 +10,12 @@ number u_k of different edges there. P_0 is even over the ways out of the node.
 
 Counts are of the known traversals. A context that these don't have is counted among the asked ones,
 as far as they come before: an agent on a detour is a surprise once, and not at each lap.
+
+The sequence model of :mod:`gpszip.history.prediction` predicts better, but can't take this place.
+It mixes all orders, and either never learns from what is watched, so that a detour would be a
+surprise at each lap, or learns all of it, so that a closed edge would soon seem unlikely, and no
+longer missed. Here contexts that were known before keep their counts. All choices are counted at
+once, without fitting weights, and only edges that followed before are options.
 """
 
 from __future__ import annotations

@@ -269,7 +269,7 @@ class Predictor:
             Seconds at which each edge of the route was entered. With the time, they tell whether
             this trip is slower or faster than usual.
         metres_left : float, default 0
-            Metres to the end of the route's last edge.
+            Metres to the end of the route's last edge; less than 0 counts as 0.
 
         Returns
         -------
@@ -279,9 +279,11 @@ class Predictor:
         Raises
         ------
         OptionError
-            As for :meth:`next`; if there is no such node, or no path to it; or if the archive has
-            no times.
+            As for :meth:`next`; if there is no such node, or no path to it; if the archive has no
+            times; if the time is no date, or ``metres_left`` no number.
         """
+        if not math.isfinite(metres_left):
+            raise OptionError(f"metres_left is {metres_left}; it must be a number of metres")
         route = route if isinstance(route, Route) else list(route)
         directed = self._read(route)
         path = self._find_path(directed, goal, time, agent)
@@ -335,16 +337,12 @@ class Predictor:
             If the route is empty, or names an edge that the archive doesn't have, or there are not
             as many times as edges.
         """
-        route = route if isinstance(route, Route) else list(route)
-        if times is not None and len(times) != len(route):
-            raise OptionError(f"the route has {len(route)} edges and {len(times)} times")
+        directed, hours = self._read_with_hours(route, times)
 
         # An agent that is new gets a number.
-        directed = self._read(route)
         if agent is not None and agent not in self._agent_numbers:
             self._agent_numbers[agent] = len(self._agent_numbers)
-        recent = [None] * len(directed) if times is None else list(times)[-len(directed) :]
-        self._model.learn(directed, [self._hour(time) for time in recent], self._agent(agent))
+        self._model.learn(directed, hours, self._agent(agent))
 
     def surprise(
         self,
@@ -362,14 +360,19 @@ class Predictor:
         Returns
         -------
         list of float
-            One for each edge but the first; infinite never, as turns nobody took are possible.
+            One for each edge but the first, of a long route of the last 256; never infinite, as
+            turns that nobody took are possible.
+
+        Raises
+        ------
+        OptionError
+            As for :meth:`learn`.
         """
-        directed = self._read(route)
+        directed, hours = self._read_with_hours(route, times)
         number = self._agent(agent)
-        recent = [None] * len(directed) if times is None else list(times)[-len(directed) :]
         bits = []
         for i in range(1, len(directed)):
-            probabilities = self._model.predict(directed[:i], self._hour(recent[i - 1]), number)
+            probabilities = self._model.predict(directed[:i], hours[i - 1], number)
             taken = self._model.options[directed[i - 1]].index(directed[i])
             bits.append(-math.log2(max(probabilities[taken], 1e-12)))
         return bits
@@ -436,6 +439,18 @@ class Predictor:
 
     def _read(self, route: Route | Iterable[Any]) -> list[int]:
         return read_route(route, self._model.options, len(self.network))
+
+    def _read_with_hours(
+        self, route: Route | Iterable[Any], times: Sequence[float] | None
+    ) -> tuple[list[int], list[int | None]]:
+        """Directed edges at the end of a route, and the hours at which they were entered."""
+        route = route if isinstance(route, Route) else list(route)
+        directed = self._read(route)
+        if times is None:
+            return directed, [None] * len(directed)
+        if len(times) != len(route):
+            raise OptionError(f"the route has {len(route)} edges and {len(times)} times")
+        return directed, [self._hour(time) for time in list(times)[-len(directed) :]]
 
     def _hour(self, time: float | None) -> int | None:
         """Hour of the day, if the archive's times tell it."""

@@ -1,4 +1,11 @@
-"""Trips: travel between stops of five minutes or more, and between gaps."""
+"""Trips on edges: travel between stops of five minutes or more, and between gaps.
+
+These trips are cut from traversals alone, so that the trips of an archive and a route that is
+still under way are cut by one rule: a long stop ends a trip, whatever comes next.
+:mod:`gpszip.history.stays`, for ``gpszip trips``, looks at the positions before and after: it
+joins trips around short pauses and tells stays from places where a receiver lies still. Its trips
+may therefore hold several of these.
+"""
 
 from __future__ import annotations
 

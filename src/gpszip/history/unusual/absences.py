@@ -47,7 +47,8 @@ def find_absences(
     tuple of Anomaly
         Hours in a row are one.
     """
-    if not len(known) or not len(traversals) or not counts_from_1970(np.nanmin(known.enter)):
+    times = known.enter[np.isfinite(known.enter)]
+    if not len(times) or not len(traversals) or not counts_from_1970(float(times.min())):
         return ()
 
     # The log is complete from its first to its last sample.

@@ -1,4 +1,9 @@
-"""Trips of a log: its samples between gaps and stops, with their travel on and off the map."""
+"""Trips of a log: its samples between gaps and stops, with their travel on and off the map.
+
+They end with the same stops as the trips of an archive (:mod:`gpszip.history.prediction.trips`),
+but go on off the map, where travel counts, too, until there is a gap between samples. Those of
+:mod:`gpszip.history.stays` are others: they lead from place to place.
+"""
 
 from __future__ import annotations
 
