@@ -226,7 +226,7 @@ def test_home_and_work_need_a_time_zone(gpszip, phone):
     ("words", "code", "text"),
     [
         ("trips phone.csv -o T.xlsx", 1, "trips can be written as .csv, .json, .geojson, .parquet"),
-        ("trips phone.csv -o T.csv --places ./T.csv", 2, "can't both be in T.csv"),
+        ("trips phone.csv -o T.csv --places ./T.csv", 2, "two tables can't be in the same file"),
         ("trips phone.csv -o T.geoparquet", 1, "not as .geoparquet"),
         ("trips phone.csv --timezone Moon", 2, "there is no time zone 'Moon'"),
         ("trips phone.csv --min-stay 5m", 2, "write min for minutes"),
