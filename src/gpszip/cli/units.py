@@ -148,13 +148,13 @@ def format_length(metres: float) -> str:
     --------
     >>> format_length(0.23614), format_length(12.345), format_length(48_000)
     ('0.236 m', '12.3 m', '48 km')
-    >>> format_length(1064.2), format_length(11_130_191)
-    ('1060 m', '11100 km')
+    >>> format_length(999.6), format_length(2345.6), format_length(2_345_600)
+    ('1000 m', '2346 m', '2346 km')
     """
     number, unit = (metres / 1e3, "km") if metres >= 1e4 else (metres, "m")
-    rounded = float(f"{number:.3g}")
-    # Without commas, so that options take what is printed.
-    return f"{rounded:.0f} {unit}" if rounded >= 100 else f"{rounded:.3g} {unit}"
+    # Three digits of 1000 and more would have an exponent, as only absurd lengths may.
+    text = f"{number:.0f}" if 999.5 <= number < 1e6 else f"{number:.3g}"
+    return f"{text} {unit}"
 
 
 def format_duration(seconds: float) -> str:

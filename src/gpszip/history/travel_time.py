@@ -157,8 +157,8 @@ class TravelTimes:
         --------
         >>> import gpszip
         >>> from gpszip.history.traversals import read_history
-        >>> ring = gpszip.testing.ring(4, laps=9)
-        >>> history = read_history(gpszip.compress(ring.tracks, max_error=5))
+        >>> from gpszip.testing import ring
+        >>> history = read_history(gpszip.compress(ring(4, laps=9).tracks, max_error=5))
         >>> times = learn_travel_times(history)
         >>> seconds = times.seconds(history.traversals.edge[:3], history.traversals.forward[:3])
         >>> bool((seconds > 0).all())
