@@ -355,6 +355,7 @@ def _print_result(
     )
     from gpszip.model.text import count_text
 
+    # As JSON; a coreset file loses nothing.
     if settings.json and read_result is not None:
         print_json_result(target, facts, read_result, read_result.repairs)
         return
@@ -363,6 +364,8 @@ def _print_result(
         return
     if quiet:
         return
+
+    # As text, losses first.
     if read_result is not None:
         print_losses(read_result)
     points = count_text(facts["points"], "point")

@@ -55,12 +55,16 @@ def write_outlooks(outlooks: Sequence[Outlook], network: Network, target: str) -
     lines = []
     for outlook in outlooks:
         start = (outlook.track, round(outlook.time, 3))
+
+        # The next edges, which have no arrival.
         for rank, road in enumerate(outlook.next, 1):
             p = round(road.probability, _PROBABILITY)
             nothing = (np.nan,) * 3
             rows.append((*start, "next", rank, road.edge, road.forward, -1, p, *nothing))
             places.append((np.nan, np.nan))
             lines.append(_line(network, ((road.edge, road.forward),)))
+
+        # Destinations, with the seconds until then.
         for rank, goal in enumerate(outlook.destinations, 1):
             p, arrival = round(goal.probability, _PROBABILITY), goal.arrival
             seconds = (
@@ -72,8 +76,8 @@ def write_outlooks(outlooks: Sequence[Outlook], network: Network, target: str) -
             )
             rows.append((*start, "destination", rank, -1, False, goal.node, p, *seconds))
             places.append(goal.position[:2])
-            way = ((outlook.edge, outlook.forward), *(arrival.route if arrival else ()))
-            lines.append(_line(network, way))
+            path = ((outlook.edge, outlook.forward), *(arrival.route if arrival else ()))
+            lines.append(_line(network, path))
 
     columns: dict[str, NDArray[Any]] = {
         name: np.array([row[i] for row in rows], object if i in {0, 2} else None)

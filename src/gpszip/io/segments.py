@@ -152,12 +152,15 @@ def _as_geojson(
     target: str, mean: SegmentMean, model: MarkovModel, parts: list[dict[str, Any]]
 ) -> str:
     """Return features of three kinds: segments, transitions, and parts."""
+    # Positions of GeoJSON have two or three coordinates.
     if model.dimension > _MAX_AXES:
         raise OutputError(
             f"GeoJSON holds up to {_MAX_AXES} coordinates, and there are {model.dimension}",
             path=target,
             remedy="write .json or .csv",
         )
+
+    # Properties of each feature, with both ends of its line.
     traversals = np.bincount(mean.labels, minlength=mean.m)
     rows: list[tuple[dict[str, Any], Floats, Floats]] = [
         (
@@ -175,6 +178,8 @@ def _as_geojson(
         ({"kind": "part", **part}, model.starts[part["segment"]], model.ends[part["segment"]])
         for part in parts
     ]
+
+    # Lines, in degrees if the model is on the Earth.
     geometries = (_geometry(start, end, model.plane) for _, start, end in rows)
     is_geographic = model.plane is not None
     return features_text((row for row, *_ in rows), geometries, geographic=is_geographic)
@@ -196,6 +201,7 @@ def _as_json(
     mean: SegmentMean, model: MarkovModel, parts: list[dict[str, Any]], facts: dict[str, Any]
 ) -> str:
     """Return everything, with one part, segment and transition a line."""
+    # Segments, and the centres of the planes that they are on.
     starts, ends = _ends(model)
     traversals = np.bincount(mean.labels, minlength=mean.m).tolist()
     segments = [
@@ -207,6 +213,8 @@ def _as_json(
     centers = None
     if model.plane is not None:
         centers = [[lat / UNITS_PER_DEGREE, lon / UNITS_PER_DEGREE] for lat, lon in _centers(model)]
+
+    # What is said once, then lists.
     members = {
         "kind": _KIND,
         **facts,

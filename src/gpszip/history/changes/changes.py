@@ -16,7 +16,7 @@ Each kind needs occasion, not time alone:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -311,6 +311,7 @@ def _moved(network: Network, closed: list[Change], new: list[Change]) -> list[Ch
     """Closed edges, as ``moved`` where a new one of about their length joins the same nodes."""
     moved = []
     for change in closed:
+        # New edges between the same nodes, of about the same length.
         ends = {network.starts[change.edge], network.ends[change.edge]}
         others = [
             other.edge
@@ -320,19 +321,10 @@ def _moved(network: Network, closed: list[Change], new: list[Change]) -> list[Ch
             < network.lengths[other.edge] / network.lengths[change.edge]
             < _MAX_RATIO
         ]
+
+        # A street that is closed in one direction only has not moved.
         if others and change.kind == "closed":
-            moved.append(
-                Change(
-                    "moved",
-                    change.edge,
-                    change.forward,
-                    change.since,
-                    change.detected,
-                    change.evidence,
-                    change.agents,
-                    other=others[0],
-                )
-            )
+            moved.append(replace(change, kind="moved", other=others[0]))
         else:
             moved.append(change)
     return moved

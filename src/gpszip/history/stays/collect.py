@@ -256,8 +256,11 @@ class _Collection:
     def _trips(self) -> tuple[Trip, ...]:
         trips, first = [], 0
         for each in self.histories:
+            # Numbers of the places of its stops.
             places = (self.of_stop[first : first + len(each.stops)] + 1).tolist()
             first += len(each.stops)
+
+            # Moves between them.
             for move, travel in each.moves:
                 # Ends without a stop come in the order in which they were grouped.
                 origin = next(self.of_end) if move.origin is None else places[move.origin]
