@@ -10,6 +10,7 @@ import click
 from click_man.core import write_man_pages
 
 import gpszip
+from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.main import cli
 
 
@@ -18,8 +19,7 @@ def main() -> None:
     target = Path(sys.argv[1])
     target.mkdir(parents=True, exist_ok=True)
 
-    # The page writer wants all commands at hand; their help texts get the lists of formats when
-    # they are shown for the first time.
+    # The page writer wants all commands at hand, with the lists of formats in their help texts.
     context = click.Context(cli)
     # A man page can't keep the lines of the examples apart.
     about = str(cli.help).partition("\n\n\b")[0]
@@ -27,8 +27,7 @@ def main() -> None:
     group.short_help = "learn the map that position logs repeat"
     for name in cli.list_commands(context):
         command = cli.get_command(context, name)
-        command.get_help(click.Context(command, info_name=name))
-        group.add_command(command)
+        group.add_command(command.filled() if isinstance(command, CommandWithFormats) else command)
     write_man_pages("gpszip", group, version=gpszip.__version__, target_dir=str(target))
 
 

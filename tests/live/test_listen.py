@@ -93,7 +93,7 @@ def test_lines_that_wait_for_others_are_stored_before_the_end(tmp_path):
         while not stored(tmp_path) and time.monotonic() < deadline:
             time.sleep(0.02)
         assert [(fix.agent, fix.time) for fix in stored(tmp_path)] == [("boat", bodies.TIME)]
-        assert listener.end(signal.SIGINT) == 0
+        assert listener.end(signal.SIGTERM) == 0
         listener.process.stdin.close()
 
 

@@ -6,6 +6,7 @@ Imports of the tables take longer than other help texts may, so they wait for th
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 
 import click
 
@@ -68,13 +69,19 @@ _LISTS: dict[str, Callable[[], str]] = {
 class CommandWithFormats(click.Command):
     """A command whose help texts contain ``NETWORK_FORMATS`` or another name of a list."""
 
-    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Put the lists in the help texts of the command and its options, and write them."""
-        self.help = _fill(self.help)
-        for parameter in self.params:
+    def filled(self) -> CommandWithFormats:
+        """Return a copy with the lists in its help texts; they change when a package comes."""
+        command = copy(self)
+        command.help = _fill(self.help)
+        command.params = [copy(parameter) for parameter in self.params]
+        for parameter in command.params:
             if isinstance(parameter, click.Option):
                 parameter.help = _fill(parameter.help)
-        super().format_help(ctx, formatter)
+        return command
+
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the help of the command with the lists."""
+        click.Command.format_help(self.filled(), ctx, formatter)
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options, in sections if there are many."""
