@@ -160,19 +160,23 @@ def _rates(found: Unusual, alarm: float) -> tuple[int, float | None, float | Non
 
 def _facts(found: Unusual, alarm: float, read: ReadResult) -> dict[str, Any]:
     """Return the result for JSON: times in seconds, scores in bits."""
+    # Trips, the most unusual first.
+    trips = [
+        {
+            "track_id": trip.track,
+            "t_start": trip.start,
+            "t_end": trip.end,
+            "score": trip.score,
+            "reason": trip.reason,
+            "parts": [_part_facts(part) for part in trip.anomalies],
+        }
+        for trip in found.ranked
+    ]
+
+    # Absences, and what an alarm at this score would mean.
     above, rate, delay = _rates(found, alarm)
     return {
-        "trips": [
-            {
-                "track_id": trip.track,
-                "t_start": trip.start,
-                "t_end": trip.end,
-                "score": trip.score,
-                "reason": trip.reason,
-                "parts": [_part_facts(part) for part in trip.anomalies],
-            }
-            for trip in found.ranked
-        ],
+        "trips": trips,
         "absences": [_part_facts(part) for part in found.absences],
         "alarm": alarm,
         "alarms": above,

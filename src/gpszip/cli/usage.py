@@ -182,7 +182,26 @@ def _facts(
     found: Usage, likelihood: RouteLikelihood | None, read_result: ReadResult | None
 ) -> dict[str, Any]:
     """Return the result for JSON: lengths in metres, times in seconds."""
+    # Agents, and the likelihood of a log if one was named.
     rows = found.traversals
+    agents = [
+        {
+            "track": agent.track,
+            "traversals": agent.traversals,
+            "relative_speed": agent.relative_speed,
+            "cluster": agent.cluster,
+        }
+        for agent in found.agents
+    ]
+    told = None
+    if likelihood is not None:
+        told = {
+            "log_likelihood": likelihood.log_likelihood,
+            "transitions": likelihood.transitions,
+            "bits_per_transition": likelihood.bits_per_transition,
+        }
+
+    # All of it.
     return {
         "edges": len(found.network),
         "traversals": len(rows),
@@ -197,22 +216,8 @@ def _facts(
         "repeated_by_track": found.repeated_by_track,
         "transitions": int(found.markov.counts.sum()),
         "smoothing": found.markov.smoothing,
-        "likelihood": None
-        if likelihood is None
-        else {
-            "log_likelihood": likelihood.log_likelihood,
-            "transitions": likelihood.transitions,
-            "bits_per_transition": likelihood.bits_per_transition,
-        },
-        "agents": [
-            {
-                "track": agent.track,
-                "traversals": agent.traversals,
-                "relative_speed": agent.relative_speed,
-                "cluster": agent.cluster,
-            }
-            for agent in found.agents
-        ],
+        "likelihood": told,
+        "agents": agents,
         "read": reading_facts(read_result),
     }
 

@@ -117,11 +117,14 @@ class Calendar:
         >>> [utc.part(name, np.array([90000.0])).item() for name in PARTS]
         [1, 4, 1, 0, 1]
         """
+        # Refuse what only dates have.
         if name in _NEED_DATES and not self.name:
             raise OptionError(
                 f"the times of the log are no dates, so that they have no {name}",
                 remedy="hour, weekday and period count from its zero",
             )
+
+        # Days since 1970 and hours of the local clock.
         local = self.local(times)
         days = np.floor(local / _DAY).astype(np.int64)
         hours = np.floor(local % _DAY / _HOUR).astype(np.int64)

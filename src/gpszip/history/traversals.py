@@ -108,15 +108,16 @@ class Traversals:
         """Indices of the traversals that go on from the one before."""
         return np.flatnonzero(~self.starts)
 
-    def take(self, chosen: NDArray[np.bool_]) -> Traversals:
+    def take(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Traversals:
         """Some of the traversals; one whose predecessor is left out starts anew.
 
         Parameters
         ----------
-        chosen : bool array, shape (n,)
-            Which ones.
+        chosen : bool array, shape (n,), or int array, shape (m,)
+            Which ones, or their indices in increasing order.
         """
-        starts = self.starts | ~np.append(False, chosen[:-1])
+        chosen = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
+        starts = self.starts[chosen] | (np.diff(chosen, prepend=-2) != 1)
         return Traversals(
             ids=self.ids,
             track=self.track[chosen],
@@ -127,7 +128,7 @@ class Traversals:
             begin=self.begin[chosen],
             end=self.end[chosen],
             standing=self.standing[chosen],
-            starts=starts[chosen],
+            starts=starts,
         )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from gpszip.errors import InputError
 
@@ -119,7 +120,7 @@ class Fix:
         return row
 
     @classmethod
-    def from_row(cls, row: Sequence[object]) -> Fix:
+    def from_row(cls, row: Sequence[Any]) -> Fix:
         """Return the fix of a row of the journal.
 
         Raises
@@ -135,7 +136,7 @@ class Fix:
         """
         try:
             agent, source, time, received, position, *others = row
-            return cls(agent, source, time, received, tuple(position), *others)  # type: ignore[arg-type]
+            return cls(agent, source, time, received, tuple(position), *others)
         except (TypeError, ValueError):
             raise InputError("is no row of a journal") from None
 

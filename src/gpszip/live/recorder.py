@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from gpszip.errors import OutputError
 from gpszip.live.fix import Fix, Marks, Unusable
@@ -41,17 +41,10 @@ class Recorder:
         Where fixes go. Those that it holds already are known.
     notices : Notices
         Is told what happens.
-    on_stored : callable, optional
-        Called with the fixes of each batch once they are on disk.
     """
 
-    def __init__(
-        self,
-        journal: Journal,
-        notices: Notices,
-        on_stored: Callable[[Sequence[Fix]], None] | None = None,
-    ) -> None:
-        self._journal, self._notices, self._on_stored = journal, notices, on_stored
+    def __init__(self, journal: Journal, notices: Notices) -> None:
+        self._journal, self._notices = journal, notices
         self._seen = Seen()
         self._waiting: list[tuple[list[Fix], asyncio.Future[None]]] = []
         self._writer: asyncio.Task[None] | None = None
@@ -171,8 +164,6 @@ class Recorder:
             stale = sum(Marks.STALE in fix.quality for fix in fixes)
             if stale:
                 self._notices.count("fixes older than an hour when they came", stale)
-            if self._on_stored is not None:
-                self._on_stored(fixes)
 
 
 def _answer(done: asyncio.Future[None], error: OutputError | None) -> None:

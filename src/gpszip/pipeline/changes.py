@@ -26,12 +26,14 @@ def changes(
     kinds: Sequence[str],
 ) -> Changes:
     """Find what has changed; see :func:`gpszip.changes`."""
-    # Either a time or a second archive parts before from after.
+    # Refuse what contradicts itself.
     if (since is None) == (new is None):
         raise OptionError("give either a second archive or a time", remedy="one of both")
     unknown = [kind for kind in kinds if kind not in KINDS]
     if unknown:
         raise OptionError(f"{unknown[0]!r} is no change", remedy=f"kinds are {', '.join(KINDS)}")
+
+    # Either a second archive or a time parts before from after.
     if new is not None:
         history, after = join_histories(old, new)
     else:
@@ -44,6 +46,7 @@ def changes(
                 "since lies outside of the archive's times",
                 remedy=f"it has {format_span(*span)}",
             )
+
     return find_changes(
         history,
         np.asarray(after, np.bool_),

@@ -170,7 +170,9 @@ class _TrackedContext(SpawnContext):
         super().__init__()
         self.started: list[SpawnProcess] = []
 
-    def Process(self, *arguments: Any, **options: Any) -> SpawnProcess:  # type: ignore[override]  # noqa: N802
+    def Process(  # type: ignore[override]  # noqa: N802
+        self, *arguments: Any, **options: Any
+    ) -> SpawnProcess:
         # Spawned, not forked: a fork while threads run may copy a lock that nobody releases.
         process = SpawnProcess(*arguments, **options)
         self.started.append(process)

@@ -90,10 +90,12 @@ def label_track(model: MarkovModel, track: Track, begins: NDArray[np.int64]) -> 
     begins : int64 array, shape (r,)
         First sample of each run.
     """
-    # Cut each run by itself.
+    # Square metres that one more part has to save.
     price = 2 * model.sigma**2 * _mean_surprise(model)
     boundaries, labels = [np.zeros(1, np.int64)], [np.zeros(0, np.int32)]
     heads, cost = list[int](), 0.0
+
+    # Cut each run by itself.
     for first, after in pairwise([*begins.tolist(), len(track)]):
         weights = None if track.weights is None else track.weights[first:after]
         rows = slice(first, after)
@@ -103,6 +105,7 @@ def label_track(model: MarkovModel, track: Track, begins: NDArray[np.int64]) -> 
         boundaries.append(first + state.boundaries[1:])
         labels.append(state.labels)
         cost += run_cost
+
     return SegmentMean(
         np.concatenate(boundaries),
         np.concatenate(labels),

@@ -98,7 +98,7 @@ def test_mixture_beats_every_order_alone(known, asked, predictor):
 
 
 def test_model_is_the_plain_twin(known, predictor):
-    model, exits = predictor._model, predictor.exits
+    model, exits = predictor.model, predictor.exits
     routes = [
         [2 * edge + (not forward) for edge, forward in edges]
         for _, edges, _ in routes_of(known.traversals)

@@ -7,10 +7,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["KINDS", "Groups", "count_all", "count_before", "group_contexts", "kinds_of_counts"]
+__all__ = [
+    "CLASS_COUNTS",
+    "KINDS",
+    "Groups",
+    "count_all",
+    "count_before",
+    "group_contexts",
+    "kinds_of_counts",
+]
 
 #: Largest counts of the classes 1 to 4 of a context; class 5 has more, and class 0 none.
-_CLASS_COUNTS = np.array([1, 3, 10, 40])
+CLASS_COUNTS = (1, 3, 10, 40)
 
 #: Classes of counts: none, 1 to 5 with several followers, 6 to 10 with only one.
 KINDS = 11
@@ -127,6 +135,6 @@ def kinds_of_counts(counts: Counts) -> NDArray[np.int64]:
     [0, 6, 2, 10]
     """
     total = counts.sum(axis=1)
-    kind = np.searchsorted(_CLASS_COUNTS, total) + 1
+    kind = np.searchsorted(CLASS_COUNTS, total) + 1
     only_one = counts.max(axis=1, initial=0.0) == total
-    return np.where(total == 0, 0, kind + np.where(only_one, len(_CLASS_COUNTS) + 1, 0))
+    return np.where(total == 0, 0, kind + np.where(only_one, len(CLASS_COUNTS) + 1, 0))

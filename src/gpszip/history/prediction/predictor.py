@@ -63,6 +63,10 @@ class Predictor:
         The edges and nodes.
     agents : tuple of str
         Names of the archive's tracks, each an agent.
+    model : SequenceModel
+        What follows a route.
+    has_hours : bool
+        Whether times of the archive are dates, which have hours.
 
     Raises
     ------
@@ -100,9 +104,9 @@ class Predictor:
 
         # Hours of the day are known where times count from 1970.
         times = rows.enter[np.isfinite(rows.enter)]
-        self._has_hours = bool(len(times)) and counts_from_1970(float(times.min()))
+        self.has_hours = bool(len(times)) and counts_from_1970(float(times.min()))
         self._hours = (
-            hours_of_day(rows.enter) if self._has_hours else np.full(len(rows), -1, np.int64)
+            hours_of_day(rows.enter) if self.has_hours else np.full(len(rows), -1, np.int64)
         )
         self.exits = list_exits(self.network)
         passes = Passes(
@@ -111,7 +115,7 @@ class Predictor:
             self._hours[order],
             rows.track[order].astype(np.int64),
         )
-        self._model: SequenceModel = train(self.exits, passes)
+        self.model: SequenceModel = train(self.exits, passes)
 
     def __repr__(self) -> str:
         return (
@@ -150,8 +154,8 @@ class Predictor:
             If the route is empty, or names an edge that the archive doesn't have.
         """
         directed = self._read(route)
-        probabilities = self._model.predict(directed, self._hour(time), self._agent(agent))
-        options = self._model.options[directed[-1]]
+        probabilities = self.model.predict(directed, self._hour(time), self.agent_number(agent))
+        options = self.model.options[directed[-1]]
         ranked = sorted(zip(probabilities, options, strict=True), key=_rank)
         return [NextRoad(edge >> 1, not edge & 1, p) for p, edge in ranked]
 
@@ -188,7 +192,7 @@ class Predictor:
         """
         if m < 1 or count < 1:
             raise OptionError(f"m is {m} and count {count}; both must be at least 1")
-        directed, hour, number = self._read(route), self._hour(time), self._agent(agent)
+        directed, hour, number = self._read(route), self._hour(time), self.agent_number(agent)
 
         # All routes grow by one edge at a time; the likeliest go on.
         beam: list[tuple[float, list[int]]] = [(1.0, directed)]
@@ -197,8 +201,8 @@ class Predictor:
                 (p * each, [*so_far, edge])
                 for p, so_far in beam
                 for each, edge in zip(
-                    self._model.predict(so_far, hour, number),
-                    self._model.options[so_far[-1]],
+                    self.model.predict(so_far, hour, number),
+                    self.model.options[so_far[-1]],
                     strict=True,
                 )
             ]
@@ -237,7 +241,9 @@ class Predictor:
         OptionError
             As for :meth:`next`.
         """
-        likely = self._destinations.predict(self._read(route), self._hour(time), self._agent(agent))
+        likely = self._destinations.predict(
+            self._read(route), self._hour(time), self.agent_number(agent)
+        )
         return [LikelyNode(node, probability) for node, probability in likely[:count]]
 
     def arrival(
@@ -342,7 +348,7 @@ class Predictor:
         # An agent that is new gets a number.
         if agent is not None and agent not in self._agent_numbers:
             self._agent_numbers[agent] = len(self._agent_numbers)
-        self._model.learn(directed, hours, self._agent(agent))
+        self.model.learn(directed, hours, self.agent_number(agent))
 
     def surprise(
         self,
@@ -369,11 +375,11 @@ class Predictor:
             As for :meth:`learn`.
         """
         directed, hours = self._read_with_hours(route, times)
-        number = self._agent(agent)
+        number = self.agent_number(agent)
         bits = []
         for i in range(1, len(directed)):
-            probabilities = self._model.predict(directed[:i], hours[i - 1], number)
-            taken = self._model.options[directed[i - 1]].index(directed[i])
+            probabilities = self.model.predict(directed[:i], hours[i - 1], number)
+            taken = self.model.options[directed[i - 1]].index(directed[i])
             bits.append(-math.log2(max(probabilities[taken], 1e-12)))
         return bits
 
@@ -388,7 +394,7 @@ class Predictor:
         # The user knows the path.
         if not isinstance(goal, int | np.integer):
             rest = [*tell_route(route[-1:]), *_pairs(goal)]
-            options, edges = self._model.options, len(self.network)
+            options, edges = self.model.options, len(self.network)
             path = read_route(rest, options, edges, longest=len(rest))
             if len(path) < len(rest):
                 raise OptionError(
@@ -403,7 +409,7 @@ class Predictor:
                 f"there is no node {goal}; the archive has nodes 0 to {len(self.network.nodes) - 1}"
             )
         found = likeliest_path(
-            self._model, self.exits, route, int(goal), self._hour(time), self._agent(agent)
+            self.model, self.exits, route, int(goal), self._hour(time), self.agent_number(agent)
         )
         if found is None:
             rates = self._times.rates.mean(axis=1)
@@ -438,7 +444,7 @@ class Predictor:
         )
 
     def _read(self, route: Route | Iterable[Any]) -> list[int]:
-        return read_route(route, self._model.options, len(self.network))
+        return read_route(route, self.model.options, len(self.network))
 
     def _read_with_hours(
         self, route: Route | Iterable[Any], times: Sequence[float] | None
@@ -454,11 +460,12 @@ class Predictor:
 
     def _hour(self, time: float | None) -> int | None:
         """Hour of the day, if the archive's times tell it."""
-        if time is None or not self._has_hours or not math.isfinite(time):
+        if time is None or not self.has_hours or not math.isfinite(time):
             return None
         return int(time // _HOUR) % _HOURS
 
-    def _agent(self, name: str | None) -> int | None:
+    def agent_number(self, name: str | None) -> int | None:
+        """Number of an agent among those of the archive; None for another one."""
         return None if name is None else self._agent_numbers.get(name)
 
 

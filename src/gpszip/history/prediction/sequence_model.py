@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from gpszip.history.prediction.contexts import MASK, ORDERS, context_keys, label_keys, route_keys
 from gpszip.history.prediction.counting import (
+    CLASS_COUNTS,
     KINDS,
     Groups,
     count_all,
@@ -69,9 +70,6 @@ _SIDE_ORDERS = (1, 2)
 
 #: Kinds of labels (:func:`label_keys`).
 _EDGE, _ROUTE, _AGENT, _HOUR = range(4)
-
-#: Largest counts of classes of contexts; see :func:`kinds_of_counts`.
-_CLASS_COUNTS = (1, 3, 10, 40)
 
 #: Logarithms of small counts with what is added, as most counts are small.
 _LOGS = [math.log(count + _ADDED) for count in range(256)]
@@ -354,9 +352,9 @@ def _add_expert(scores: list[float], counts: list[float], weights: list[float]) 
     total = sum(counts)
     if not total:
         return 0.0
-    kind = bisect_left(_CLASS_COUNTS, total) + 1
+    kind = bisect_left(CLASS_COUNTS, total) + 1
     if max(counts) == total:
-        kind += len(_CLASS_COUNTS) + 1
+        kind += len(CLASS_COUNTS) + 1
     weight = weights[kind]
     base = math.log(total + _ADDED * len(counts))
     for i, count in enumerate(counts):

@@ -98,9 +98,9 @@ class Usual:
         self.network, self.rows = history
         rows = self.rows
         self.predictor = Predictor(history)
-        self.model = self.predictor._model
+        self.model = self.predictor.model
         self.index = index_passes(rows.directed, rows.starts, 2 * len(self.network))
-        self.has_hours = self.predictor._has_hours
+        self.has_hours = self.predictor.has_hours
         self.paces = learn_paces(self.network, rows, self._hours(rows))
         self.stops = learn_stops(self.network, rows)
 
@@ -110,7 +110,7 @@ class Usual:
     def score(self, trip: LogTrip, tracks: Sequence[Track], rows: Traversals) -> UnusualTrip:
         """Score a trip."""
         name = tracks[trip.track].id
-        own = _rows_of(rows, trip.rows)
+        own = rows.take(trip.rows)
 
         # Parts of its routes, its pace, its stops, and its travel off the map.
         routes = self._routes(name, own)
@@ -144,7 +144,7 @@ class Usual:
         if not len(rows):
             return []
         hours = [None if hour < 0 else hour for hour in self._hours(rows).tolist()]
-        agent = self.predictor._agent(name)
+        agent = self.predictor.agent_number(name)
         bounds = [*np.flatnonzero(rows.starts).tolist(), len(rows)]
         found = []
         for first, after in pairwise(bounds):
@@ -296,21 +296,3 @@ def _kind_of_pace(minutes: _Minutes) -> str:
     if minutes.bits <= _USUAL_PACE:
         return ""
     return "slow" if minutes.observed > minutes.expected else "fast"
-
-
-def _rows_of(rows: Traversals, chosen: Ints) -> Traversals:
-    """The traversals of one trip, the first of which starts anew."""
-    starts = rows.starts[chosen]
-    starts[:1] = True
-    return Traversals(
-        ids=rows.ids,
-        track=rows.track[chosen],
-        edge=rows.edge[chosen],
-        forward=rows.forward[chosen],
-        enter=rows.enter[chosen],
-        leave=rows.leave[chosen],
-        begin=rows.begin[chosen],
-        end=rows.end[chosen],
-        standing=rows.standing[chosen],
-        starts=starts,
-    )
