@@ -49,6 +49,10 @@ _MAX_INDEPENDENT = 4.0
 _MIN_SAMPLES = 21
 _MAX_SAMPLES = 2001
 
+#: Relative error of distances that are equal but for rounding: the ends of a step at one speed are
+#: exactly at the reach.
+_ROUNDING = 1e-9
+
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
@@ -340,7 +344,8 @@ def _trim(fixes: Fixes, first: int, last: int, radius: float) -> Halt:
         max(min(_MIN_REACH, _MIN_REACH_SHARE * radius), _REACH_FACTOR * typical, noise),
         radius + noise,
     )
-    inside = np.flatnonzero(_distances(fixes.positions[first : last + 1], centre) <= reach)
+    distances = _distances(fixes.positions[first : last + 1], centre)
+    inside = np.flatnonzero(distances <= reach * (1 + _ROUNDING))
     if not len(inside):
         return Halt(first, last, centre, noise, reach, typical)
     return Halt(first + int(inside[0]), first + int(inside[-1]), centre, noise, reach, typical)
