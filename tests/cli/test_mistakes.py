@@ -337,3 +337,34 @@ program.run()
     else:
         assert told == "gpszip: interrupted; nothing was written"
     assert out.exists() == (moment != "before the command")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "compress log.csv -o log.csv",
+        "compress log.csv -o link.csv",
+        "trips log.csv -o log.csv",
+        "segments log.csv --k 4 --m 2 -o ./log.csv",
+        "coreset log.csv --size 5 --points -o log.csv",
+        "usage log.csv -o log.csv",
+    ],
+)
+def test_a_log_is_not_replaced_by_what_is_made_of_it(gpszip, tmp_path, words):
+    log = tmp_path / "log.csv"
+    log.write_text("t,x,y\n" + "".join(f"{i},{i},0\n" for i in range(20)))
+    (tmp_path / "link.csv").symlink_to(log)
+    before = log.read_bytes()
+    run = gpszip(f"{words} --force")
+    assert run.code == 1
+    assert "is an input, which would be lost; name another file with -o" in run.err
+    assert log.read_bytes() == before
+
+
+def test_a_selection_may_replace_its_archive(gpszip, tmp_path):
+    rows = "".join(f"{name},{i},{i},0\n" for name in "ab" for i in range(20))
+    (tmp_path / "log.csv").write_text(f"track_id,t,x,y\n{rows}")
+    assert gpszip("compress log.csv -o log.gpsz --effort 1 --rmse 1").code == 0
+    assert gpszip("decompress log.gpsz -o log.gpsz --force").code == 1
+    assert gpszip("select log.gpsz --track a -o log.gpsz --force").code == 0
+    assert gpszip("info log.gpsz --json").json["tracks"] == 1

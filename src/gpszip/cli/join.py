@@ -43,7 +43,7 @@ def command(
     from gpszip.cli.units import format_bytes, format_count
 
     # Join.
-    check_output(target, force=force, binary=True)
+    check_output(target, force=force, binary=True, in_place=True)
     parts = [read_decoded_archive(name, map_name) for name in archives]
     whole = join(parts, names=archives)
     with_logs = [name for name, part in zip(archives, parts, strict=True) if part.exact_names]

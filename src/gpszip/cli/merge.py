@@ -97,7 +97,7 @@ def command(
     if deviation is not None and max_deviation is not None:
         raise OptionError("--deviation and --max-deviation were both given", remedy="give one")
     options = MergeOptions(deviation=deviation, max_deviation=max_deviation, same_id=same_id)
-    check_output(target, force=force, binary=True)
+    check_output(target, force=force, binary=True, in_place=True)
     _check_duplicates(archives)
     from gpszip.pipeline.merge import merge
 

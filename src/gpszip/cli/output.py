@@ -32,7 +32,7 @@ __all__ = [
 STDOUT = "-"
 
 
-def check_output(target: str, *, force: bool, binary: bool = False) -> None:
+def check_output(target: str, *, force: bool, binary: bool = False, in_place: bool = False) -> None:
     """Refuse an output that can't or must not be written, before any work is done.
 
     Parameters
@@ -43,12 +43,14 @@ def check_output(target: str, *, force: bool, binary: bool = False) -> None:
         Replace an existing file.
     binary : bool
         Whether the output is no text.
+    in_place : bool
+        Whether the output may replace an input of the command: it holds what that held.
 
     Raises
     ------
     OutputError
-        If the file exists and ``force`` is not given, its folder can't be written to, or binary
-        data would go to a terminal.
+        If the file exists and ``force`` is not given, it is an input, its folder can't be written
+        to, or binary data would go to a terminal.
     """
     # Standard output.
     if target == STDOUT:
@@ -79,9 +81,33 @@ def check_output(target: str, *, force: bool, binary: bool = False) -> None:
             path=target,
             remedy="add --force to replace it, or name another file with -o",
         )
+    if path.exists() and not in_place and _is_input(path):
+        raise OutputError(
+            "is an input, which would be lost",
+            path=target,
+            remedy="name another file with -o",
+        )
 
     # The folder; of a link, that of the file to which it leads.
     _check_folder(Path(os.path.realpath(path)).parent)
+
+
+def _is_input(path: Path) -> bool:
+    """Whether an argument of the command that runs names this file."""
+    context = click.get_current_context(silent=True)
+    if context is None:
+        return False
+    arguments = [each.name for each in context.command.params if isinstance(each, click.Argument)]
+    values = [context.params.get(name or "") for name in arguments]
+    names = [name for value in values for name in (value if isinstance(value, tuple) else (value,))]
+    return any(isinstance(name, str) and _is_same_file(name, path) for name in names)
+
+
+def _is_same_file(name: str, path: Path) -> bool:
+    try:
+        return path.samefile(name)
+    except (OSError, ValueError):  # a URL, a pattern, or a name that no file can have
+        return False
 
 
 def _check_folder(folder: Path) -> None:

@@ -95,7 +95,7 @@ def command(
     from gpszip.cli.output import check_output
 
     # Imports that take long follow the check, so that a mistake is reported at once.
-    check_output(target, force=force)
+    check_output(target, force=force, in_place=True)
     from gpszip.io.logs.csv_patching import read_for_patching
     from gpszip.pipeline.match import patch, read_network
 

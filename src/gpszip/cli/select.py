@@ -53,7 +53,7 @@ def command(
         raise OptionError(
             "nothing says which part", remedy="give --track, --since, --until or --bbox"
         )
-    check_output(target, force=force, binary=True)
+    check_output(target, force=force, binary=True, in_place=True)
 
     # Select, and write.
     with open_archive_file(archive, map_name) as whole:
