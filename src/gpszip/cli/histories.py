@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from gpszip.cli.completing import complete_files
 from gpszip.cli.options import (
     map_option,
     robot_options,
@@ -37,6 +38,7 @@ __all__ = [
     "print_reading",
     "reading_facts",
     "reading_options",
+    "sources_argument",
     "timezone_option",
 ]
 
@@ -50,6 +52,17 @@ _EFFORT = 1
 _NO_SELECTION: dict[str, Any] = {"tracks": (), "since": None, "until": None, "bbox": None}
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+def sources_argument(command: F) -> F:
+    """Add the argument of one archive, or of logs."""
+    return click.argument(
+        "sources",
+        metavar="ARCHIVE|LOG...",
+        nargs=-1,
+        required=True,
+        shell_complete=complete_files(),
+    )(command)
 
 
 def timezone_option(command: F) -> F:

@@ -16,6 +16,7 @@ from gpszip.cli.histories import (
     open_history,
     outcome_of,
     reading_facts,
+    sources_argument,
 )
 from gpszip.cli.options import Settings, common_options, force
 from gpszip.cli.outcome import Outcome
@@ -39,13 +40,7 @@ _COMPLETE = 0.999
     cls=CommandWithFormats,
     short_help="Find the usual round of a patrol, and score all rounds.",
 )
-@click.argument(
-    "sources",
-    metavar="ARCHIVE|LOG...",
-    nargs=-1,
-    required=True,
-    shell_complete=complete_files(),
-)
+@sources_argument
 @click.option(
     "-o",
     "--output",

@@ -16,6 +16,7 @@ from gpszip.cli.histories import (
     open_history,
     outcome_of,
     reading_facts,
+    sources_argument,
     timezone_option,
 )
 from gpszip.cli.options import Settings, common_options, force
@@ -38,13 +39,7 @@ _MAX_NAMED = 5
     cls=CommandWithFormats,
     short_help="Tell how often, how fast and when edges are travelled.",
 )
-@click.argument(
-    "sources",
-    metavar="ARCHIVE|LOG...",
-    nargs=-1,
-    required=True,
-    shell_complete=complete_files(),
-)
+@sources_argument
 @click.option(
     "-o",
     "--output",
