@@ -27,8 +27,13 @@ def blurred(values, neighbours, passes):
     return values
 
 
-def path_cost(positions, neighbours, price, start, end, max_detour, max_offset):
-    """Cost of the cheapest path within the corridor; infinite if there is none."""
+def path_cost(positions, neighbours, price, start, end, max_detour, max_offset, may_turn_back=True):
+    """Cost of the cheapest path within the corridor; infinite if there is none.
+
+    One that may not turn back never decreases along the longer axis from the start to the end.
+    """
+    longer = np.argmax(np.abs(positions[end] - positions[start]))
+    ahead = np.sign(positions[end] - positions[start])[longer]
 
     def distance(a, b):
         return float(np.linalg.norm(positions[a] - positions[b]))
@@ -46,6 +51,9 @@ def path_cost(positions, neighbours, price, start, end, max_detour, max_offset):
             allowed = (
                 distance(other, start) + distance(other, end) <= max_detour
                 and distance_to_line(positions[other], line) <= max_offset
+                and (
+                    may_turn_back or ahead * (positions[other] - positions[vertex])[longer] >= -1e-9
+                )
             )
             if allowed and total < cost.get(other, np.inf):
                 cost[other] = total

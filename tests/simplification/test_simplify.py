@@ -18,6 +18,7 @@ from gpszip.simplification.cell_grid import (
     smooth_density,
 )
 from gpszip.simplification.kernels.density import blur
+from gpszip.simplification.kernels.grid_paths import cheapest_monotone_paths
 from gpszip.simplification.kernels.routes import cheapest_paths
 from gpszip.simplification.kernels.smoothing import simplify_lines
 from gpszip.simplification.simplify import clean_map
@@ -263,25 +264,36 @@ def test_a_map_finer_than_its_cells_is_cleaned_without_building_finer_grids(monk
     assert peak < 400 * 20_000
 
 
-def test_paths_are_the_cheapest_within_their_corridor():
+@pytest.mark.parametrize("may_turn_back", [True, False])
+def test_paths_are_the_cheapest_within_their_corridor(may_turn_back):
     rng = np.random.default_rng(5)
-    grid = build_cell_grid(np.array([[0.0, 0.0]]), np.array([[12.0, 4.0]]), 1.0, 3)
-    price = rng.random(len(grid)) + 0.05
-    starts, ends = rng.integers(0, len(grid), (2, 40)).astype(np.int32)
+    grid = build_cell_grid(np.array([[0.0, 0.0]]), np.array([[12.0, 6.0]]), 1.0, 3)
+    price = rng.random(len(grid)) ** 3 + 0.01
+    starts, ends = rng.integers(0, len(grid), (2, 60)).astype(np.int32)
     max_detour = 1.2 * np.linalg.norm(grid.centers[ends] - grid.centers[starts], axis=1) + 2.0
-    max_offset = rng.uniform(0.1, 4.0, 40)
-    offsets, cells = cheapest_paths(
-        grid.centers, grid.neighbours, price, starts, ends, max_detour, max_offset
-    )
-    assert 5 < (np.diff(offsets) > 0).sum() < 40
-    for i in range(40):
+    max_offset = rng.uniform(0.1, 4.0, 60)
+    corridors = (price, starts, ends, max_detour, max_offset)
+    if may_turn_back:
+        offsets, cells = cheapest_paths(grid.centers, grid.neighbours, *corridors)
+    else:
+        offsets, cells = cheapest_monotone_paths(
+            grid.centers, grid.neighbours, grid.size, *corridors
+        )
+
+    assert 5 < (np.diff(offsets) > 0).sum() < 60
+    for i in range(60):
         path = cells[offsets[i] : offsets[i + 1]]
         expected = path_cost(
-            grid.centers, grid.neighbours, price, starts[i], ends[i], max_detour[i], max_offset[i]
+            grid.centers,
+            grid.neighbours,
+            price,
+            *(values[i] for values in corridors[1:]),
+            may_turn_back,
         )
         assert (len(path) > 0) == np.isfinite(expected)
         if len(path):
             assert (path[0], path[-1]) == (starts[i], ends[i])
+            assert (np.abs(np.diff(grid.centers[path], axis=0)) < 1.01).all()
             step = np.linalg.norm(np.diff(grid.centers[path], axis=0), axis=1)
             assert (step * (price[path[:-1]] + price[path[1:]]) / 2).sum() == pytest.approx(
                 expected

@@ -104,7 +104,7 @@ def bundle_edges(
         that is larger.
     """
     from gpszip.simplification.kernels.density import find_peaks
-    from gpszip.simplification.kernels.routes import cheapest_paths
+    from gpszip.simplification.kernels.grid_paths import cheapest_monotone_paths
 
     # The density of straight edges.
     starts, ends = nodes[edges[:, 0]], nodes[edges[:, 1]]
@@ -134,9 +134,10 @@ def bundle_edges(
         price = (_FLOOR + height) ** -_POWER
         first, last = cell[edges[:, 0]], cell[edges[:, 1]]
         distance = np.linalg.norm(grid.centers[last] - grid.centers[first], axis=1)
-        offsets, cells = cheapest_paths(
+        offsets, cells = cheapest_monotone_paths(
             grid.centers,
             grid.neighbours,
+            grid.size,
             price,
             first,
             last,

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from gpszip.kernels.heap import pop, push
 from gpszip.kernels.jit import inner, inner_uncounted, jit
 
-__all__ = ["cheapest_paths"]
+__all__ = ["cheapest_paths", "ensure_capacity", "is_in_corridor"]
 
 #: Initial capacity of growing arrays; they double when they are full.
 _INITIAL_CAPACITY = 1024
 
 
 @inner
-def _ensure_capacity(values: NDArray[Any], size: int) -> NDArray[Any]:
+def ensure_capacity(values: NDArray[Any], size: int) -> NDArray[Any]:
     """The array, or a copy with twice its capacity if ``size`` entries fill it."""
     if size < len(values):
         return values
@@ -34,7 +34,7 @@ def _distance(positions: NDArray[np.float64], a: int, b: int) -> float:
 
 
 @inner_uncounted
-def _is_in_corridor(
+def is_in_corridor(
     positions: NDArray[np.float64],
     vertex: int,
     start: int,
@@ -122,7 +122,7 @@ def cheapest_paths(
                 if (
                     other < 0
                     or done[other] == i
-                    or not _is_in_corridor(
+                    or not is_in_corridor(
                         positions, other, start, end, max_detour[i], max_offset[i]
                     )
                 ):
@@ -132,14 +132,14 @@ def cheapest_paths(
                 )
                 if seen[other] != i or new_cost < cost[other]:
                     seen[other], cost[other], before[other] = i, new_cost, vertex
-                    keys, items = _ensure_capacity(keys, size), _ensure_capacity(items, size)
+                    keys, items = ensure_capacity(keys, size), ensure_capacity(items, size)
                     size = push(keys, items, size, new_cost, other)
 
         # Write the path from the end back to the start, and reverse it.
         if done[end] == i:
             first, vertex = total, end
             while True:
-                vertices = _ensure_capacity(vertices, total)
+                vertices = ensure_capacity(vertices, total)
                 vertices[total] = vertex
                 total += 1
                 if vertex == start:
