@@ -127,8 +127,8 @@ class Event:
 
         Examples
         --------
-        >>> Event("silent", "00d1e5", "\x1b[2J", 7.0, 8.0).to_json()[:52]
-        '{"kind":"silent","id":"00d1e5","agent":"\\u001b[2J","t'
+        >>> print(Event("silent", "00d1e5", "\x1b[2J", 7.0, 8.0).to_json()[:51])
+        {"kind":"silent","id":"00d1e5","agent":"\u001b[2J",
         """
         # What every event has.
         row: dict[str, Any] = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import stat
 from collections.abc import Sequence
@@ -34,7 +35,8 @@ class StreamSink:
         """Write a line for each event."""
         # A pipe that nobody reads any more is a matter of the whole process.
         with as_output_error("standard output"):
-            _write_all(self._descriptor, _lines(events))
+            # Beside the event loop: whoever reads the pipe may be slow.
+            await asyncio.to_thread(_write_all, self._descriptor, _lines(events))
 
 
 class FileSink:

@@ -68,15 +68,18 @@ class MqttSink:
         try:
             client = self._client = self._client or self._connect()
             for event in events:
-                topic = f"{self._base}/{topic_level(event.agent)}/{event.kind}"
-                sent = client.publish(topic, event.to_json(), qos=1)
-                sent.wait_for_publish(_TIMEOUT)
-                if not sent.is_published():
-                    raise OSError("the broker does not answer")
+                self._publish_one(client, event)
         except (OSError, RuntimeError) as error:
             if self._client is not None:
                 self._disconnect(self._client)
             raise OSError(str(error)) from error
+
+    def _publish_one(self, client: Client, event: Event) -> None:
+        topic = f"{self._base}/{topic_level(event.agent)}/{event.kind}"
+        sent = client.publish(topic, event.to_json(), qos=1)
+        sent.wait_for_publish(_TIMEOUT)
+        if not sent.is_published():
+            raise OSError("the broker does not answer")
 
     def _connect(self) -> Client:
         client, host, port = client_for(self._url, "")
