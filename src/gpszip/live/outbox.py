@@ -236,9 +236,10 @@ class _Delivery:
         """Send what waits, until the task is cancelled."""
         while True:
             await self._wake.wait()
-            while self._waiting:
-                count = min(len(self._waiting), _MAX_BATCH)
-                self._sending = [self._waiting.popleft() for _ in range(count)]
+            while self._waiting or self._sending:
+                # What was being sent when the task was cancelled is sent again.
+                count = 0 if self._sending else min(len(self._waiting), _MAX_BATCH)
+                self._sending += [self._waiting.popleft() for _ in range(count)]
                 await self._send()
                 self._delivered.set(self.name, self._sending[-1].seq)
                 self._sending = []

@@ -23,6 +23,9 @@ _SAME_TIME = 1800.0
 #: Withdrawn events that are kept in mind for each agent: what comes back revises them.
 _MAX_WITHDRAWN = 16
 
+#: Events of which it is kept in mind for each agent how often they were told.
+_MAX_VERSIONS = 64
+
 
 @dataclass(frozen=True, slots=True)
 class Finding:
@@ -90,6 +93,7 @@ class KnownEvents:
         self._agent, self._geographic = agent, geographic
         self._told: list[_Told] = []
         self._withdrawn: list[_Told] = []
+        self._versions: dict[str, int] = {}
 
     def update(
         self,
@@ -167,9 +171,18 @@ class KnownEvents:
 
     def _event(self, finding: Finding, received: float, before: _Told | None) -> Event:
         revises = None if before is None else before.id
-        id = event_id(finding.kind, self._agent, float(finding.time), finding.mark, revises)
+        id = self._new_id(finding)
         self._told.append(_Told(finding.kind, finding.time, id, finding.position, finding.mark))
         return self._make(finding, received, id, revises)
+
+    def _new_id(self, finding: Finding) -> str:
+        """Id of a finding; where it was told before and then revised, that of its next version."""
+        facts = (finding.kind, self._agent, float(finding.time), finding.mark)
+        first = event_id(*facts)
+        count = self._versions[first] = self._versions.pop(first, 0) + 1
+        for old in list(self._versions)[:-_MAX_VERSIONS]:
+            del self._versions[old]
+        return first if count == 1 else event_id(*facts, count)
 
     def _make(self, finding: Finding, received: float, id: str, revises: str | None) -> Event:
         return Event(
@@ -186,7 +199,7 @@ class KnownEvents:
         )
 
     def _withdrawal(self, told: _Told, received: float) -> Event:
-        id = event_id(told.kind, self._agent, float(told.time), "withdrawn", told.id)
+        id = event_id("withdrawn", told.id)
         self._withdrawn.append(_Told(told.kind, told.time, id, told.position, told.mark))
         del self._withdrawn[:-_MAX_WITHDRAWN]
         return Event(
@@ -204,7 +217,8 @@ class KnownEvents:
 
     def to_rows(self) -> list[list[Any]]:
         """Return what is known as a value of JSON."""
-        return [
+        versions = [["versions", *item] for item in self._versions.items()]
+        return versions + [
             [known, told.kind, told.time, told.id, told.position, told.mark]
             for known, group in (("told", self._told), ("withdrawn", self._withdrawn))
             for told in group
@@ -212,7 +226,12 @@ class KnownEvents:
 
     def restore(self, rows: Sequence[Sequence[Any]]) -> None:
         """Know what :meth:`to_rows` returned."""
-        for known, kind, time, id, position, mark in rows:
+        for known, *row in rows:
+            if known == "versions":
+                id, count = row
+                self._versions[id] = count
+                continue
+            kind, time, id, position, mark = row
             place = None if position is None else tuple(position)
             group = self._told if known == "told" else self._withdrawn
             group.append(_Told(kind, time, id, place, mark))

@@ -22,6 +22,7 @@ from gpszip.history.stays.values import Move, Settings, Stop, Timeline
 from gpszip.live.events import Event
 from gpszip.live.fix import Fix, distance
 from gpszip.live.monitor.known import Finding, KnownEvents
+from gpszip.live.monitor.places import VisitedPlaces
 from gpszip.live.monitor.text import duration_text
 from gpszip.live.monitor.window import Window
 from gpszip.model.grid import Plane
@@ -34,7 +35,7 @@ STAY_KINDS = frozenset({"trip.start", "trip.end", "stay.start", "stay.end"})
 
 #: Seconds between two readings of an agent that is moving, or leaving a place.
 _MOVING_PERIOD = 300.0
-_CHANGE_PERIOD = 30.0
+_CHANGE_PERIOD = 60.0
 
 #: Seconds of fixes before the newest that stay, so that late ones can correct them.
 _KEPT = 86_400.0
@@ -78,6 +79,7 @@ class StayTracker:
         self._place: _Place | None = None
         self._last_reading = -math.inf
         self._outside = 0
+        self._places = VisitedPlaces(settings.radius, geographic=window.geographic)
 
         # Long stays from which the window may be read: from the last one unless a fix is late.
         self._anchor = -math.inf
@@ -120,6 +122,7 @@ class StayTracker:
         self._last_reading, self._outside = self._window.last, 0
         line, plane = self._timeline()
         self._place = _current_place(line, plane)
+        self._visit(line, plane)
 
         # What it says, and what of it is settled now.
         findings = _findings(line, plane)
@@ -156,6 +159,7 @@ class StayTracker:
             "settled": _finite(self.settled),
             "anchor": _finite(self._anchor),
             "anchors": self._anchors,
+            "places": self._places.to_row(),
         }
 
     def restore(self, row: dict[str, Any]) -> None:
@@ -167,6 +171,7 @@ class StayTracker:
         self._outside = row["outside"]
         self.settled = _infinite(row["settled"])
         self._anchor, self._anchors = _infinite(row["anchor"]), list(row["anchors"])
+        self._places.restore(row["places"])
 
     def _is_due(self, fix: Fix) -> bool:
         """Whether the newest fix may change what the log says."""
@@ -204,7 +209,24 @@ class StayTracker:
             coordinates = to_plane(coordinates[:, 0], coordinates[:, 1], plane)
         times, accuracy = self._window.times[row:], self._window.accuracy()[row:]
         track = TrackSamples("", times, coordinates, accuracy)
-        return track_timeline(track, self._settings), plane
+        places = self._known_places(plane, coordinates.shape[1])
+        return track_timeline(track, self._settings, places), plane
+
+    def _known_places(self, plane: Plane | None, dimension: int) -> Floats | None:
+        """Places where the agent stayed before, in metres."""
+        centres = self._places.coordinates()
+        if not len(centres) or centres.shape[1] != dimension:
+            return None
+        if plane is not None:
+            return to_plane(centres[:, 0], centres[:, 1], plane)
+        return centres
+
+    def _visit(self, line: Timeline, plane: Plane | None) -> None:
+        """Remember the places of stays that are over and were seen."""
+        for stop in line.stops[:-1]:
+            is_seen = stop.last_seen - stop.first_seen >= self._settings.min_stay
+            if is_seen and stop.first_seen > self._places.until:
+                self._places.add(_coordinates(stop.halt.centre, plane), stop.first_seen)
 
     def _long_stays(self, line: Timeline) -> list[float]:
         """First fixes of stays that can't become pauses, nor parts of those before the anchor."""
