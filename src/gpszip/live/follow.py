@@ -13,7 +13,7 @@ import contextlib
 import json
 import os
 import time
-from collections.abc import Iterable
+from collections.abc import Coroutine, Iterable
 from pathlib import Path
 from typing import IO, Any
 
@@ -76,6 +76,8 @@ class Follower:
         self._reader = _JournalReader(self._folder)
         self._new = asyncio.Event()
         self._passed = asyncio.Condition()
+        self._turn = asyncio.Lock()
+        self._work: asyncio.Future[bool] | None = None
         self._next_save = time.monotonic() + _SAVE_SECONDS
         self._refused: list[tuple[str, float, float]] = []
         self._counted: dict[str, int] = {}
@@ -95,9 +97,9 @@ class Follower:
     async def run(self) -> None:
         """Follow the journal until the task is cancelled."""
         while True:
-            while await self._step():
+            while await self._whole(self._step()):
                 pass
-            await self._put(self._monitor.tick(time.time()))
+            await self._whole(self._tick())
             if time.monotonic() >= self._next_save:
                 await self.save()
             with contextlib.suppress(TimeoutError):
@@ -123,7 +125,7 @@ class Follower:
         is_over : bool
             Whether no source goes on: then fixes don't wait for earlier ones.
         """
-        while await self._step():
+        while await self._whole(self._step()):
             pass
         if is_over:
             await self._put(await asyncio.to_thread(self._monitor.close))
@@ -131,6 +133,25 @@ class Follower:
 
     async def save(self) -> None:
         """Save what the monitor knows, so that older fixes need not be read again."""
+        await self._whole(self._save())
+
+    async def _whole(self, work: Coroutine[Any, Any, bool]) -> bool:
+        """Do some work to its end, also if the task is cancelled: threads can't be stopped.
+
+        Only one piece of work is done at a time.
+        """
+        async with self._turn:
+            if self._work is not None and not self._work.done():
+                await self._work
+            self._work = asyncio.ensure_future(work)
+            return await asyncio.shield(self._work)
+
+    async def _tick(self) -> bool:
+        """Let time pass."""
+        await self._put(await asyncio.to_thread(self._monitor.tick, time.time()))
+        return True
+
+    async def _save(self) -> bool:
         begin = time.monotonic()
         try:
             await asyncio.to_thread(self._write_state)
@@ -141,6 +162,7 @@ class Follower:
             self._notices.note("state of the monitor not saved", value=reason)
         taken = time.monotonic() - begin
         self._next_save = time.monotonic() + max(_SAVE_SECONDS, _SAVE_FACTOR * taken)
+        return True
 
     async def _step(self) -> bool:
         """Read some fixes, and bring their events to the outbox; return whether there were any."""
