@@ -24,23 +24,6 @@ KINDS: Mapping[str, str] = {
     "source.clock": "the times of the agent's fixes are wrong, or right again",
     "source.stale": "the agent's fixes come more than an hour late, or in time again",
     "source.repeat": "the agent repeats its position exactly, or no longer",
-    "edge.enter": "the agent entered an edge of the map",
-    "edge.leave": "the agent left an edge",
-    "off_map.start": "the agent left the map",
-    "off_map.end": "the agent is on the map again",
-    "wrong_way": "the agent travels an edge in the direction in which nobody did",
-    "predicted": "the node to which the agent seems to go, and when it arrives, have changed",
-    "late": "the agent arrives later than in 9 of 10 cases",
-    "unusual.turn": "the agent turned where hardly anybody does",
-    "unusual.speed": "the agent was much slower or faster than usual on an edge",
-    "unusual.stop": "the agent stopped on the way where nobody stops",
-    "closed.suspected": "agents go other ways than over an edge, as if it were closed",
-    "closed": "hardly any doubt is left that an edge is closed",
-    "reopened": "an agent travelled an edge that was closed",
-    "new_edge": "a path off the map was travelled again",
-    "visited": "a patrol visited an edge of its round",
-    "missed": "a patrol completed a round without an edge",
-    "round.complete": "a patrol visited all edges of its round",
 }
 
 #: Letters of an id: 64 bits.
@@ -123,7 +106,7 @@ class Event:
     def to_json(self) -> str:
         r"""Return the event as one line of JSON in ASCII, without the line's end.
 
-        Fields that are not known are left out; ``gpszip --schema`` of ``listen events`` names all.
+        Fields that are not known are left out; ``gpszip.cli.schemas.EVENT`` is its schema.
 
         Examples
         --------

@@ -130,6 +130,7 @@ class Follower:
         if is_over:
             await self._put(await asyncio.to_thread(self._monitor.close))
         await self.save()
+        self._reader.close()
 
     async def save(self) -> None:
         """Save what the monitor knows, so that older fixes need not be read again."""
@@ -275,6 +276,12 @@ class _JournalReader:
                 break
         return found
 
+    def close(self) -> None:
+        """Close the segment; it is opened again when it is read."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
     def _open(self) -> bool:
         """Open the segment that is read; return whether there is one."""
         if self._file is not None and self._opened == self.segment:
@@ -287,6 +294,7 @@ class _JournalReader:
         # Segments before it may have been archived and deleted.
         if later[0] != self.segment:
             self.segment, self.offset = later[0], 0
+        self.close()
         with contextlib.suppress(FileNotFoundError):
             path = next(p for p in segments(self._folder) if int(p.stem) == self.segment)
             self._file = path.open("rb")
@@ -306,6 +314,6 @@ class _JournalReader:
         if line.endswith(b"\n"):
             self._file.seek(self.offset)
             return True
-        self._file.close()
-        self._file, self.segment, self.offset = None, later[0], 0
+        self.close()
+        self.segment, self.offset = later[0], 0
         return True

@@ -18,7 +18,7 @@ from gpszip.live.monitor.sources import MAX_AHEAD
 __all__ = ["Monitor"]
 
 #: Fixes kept for one agent, at most and at least, and those of all agents.
-_MAX_FIXES = 4_000
+_MAX_FIXES = 10_000
 _MIN_FIXES = 250
 _MAX_ALL_FIXES = 4_000_000
 
@@ -31,8 +31,8 @@ class Monitor:
 
     Fixes wait for a moment, so that those which come a little late take their place in time. Fixes
     that come later still correct what was told: then an event revises or withdraws another one.
-    Memory is bounded: an agent has at most 4,000 fixes, thinned where they are near in time, and of
-    too many agents the one that was heard of least recently is forgotten.
+    Memory is bounded: an agent has at most 10,000 fixes, thinned where they are near in time, and
+    of too many agents the one that was heard of least recently is forgotten.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ class VisitedPlaces:
     --------
     >>> places = VisitedPlaces(100.0, geographic=False)
     >>> places.add((0.0, 0.0), 10.0), places.add((500.0, 0.0), 20.0), places.add((8.0, 0.0), 30.0)
-    (None, None, None)
+    (True, True, False)
     >>> places.coordinates().tolist()
     [[500.0, 0.0], [4.0, 0.0]]
     """
@@ -44,8 +44,8 @@ class VisitedPlaces:
         #: Time of the last stay that was added.
         self.until = float("-inf")
 
-    def add(self, position: tuple[float, ...], time: float) -> None:
-        """Add a stay that was seen."""
+    def add(self, position: tuple[float, ...], time: float) -> bool:
+        """Add a stay that was seen; return whether its place is new."""
         self.until = time
         centre, count = position, 1
         for number, (other, visits) in enumerate(self._centres):
@@ -60,6 +60,7 @@ class VisitedPlaces:
                 break
         self._centres.append((centre, count))
         del self._centres[:-_MAX_PLACES]
+        return count == 1
 
     def coordinates(self) -> Floats:
         """Centres, shape (k, d)."""

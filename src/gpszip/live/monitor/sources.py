@@ -28,6 +28,9 @@ _MIN_REPEATED = 60.0
 #: parks sends the same position rightly.
 _MOVING = 3.0
 
+#: Seconds of a step that shows whether it was.
+_MAX_STEP = 60.0
+
 #: Metres per second that a source states while its position stays.
 _STATED = 1.0
 
@@ -87,8 +90,8 @@ class SourceTracker:
         last, self._last = self._last, fix
         if last is None or fix.position != last.position:
             seconds = 0.0 if last is None else fix.time - last.time
-            speed = 0.0 if last is None or seconds <= 0 else distance(last, fix) / seconds
-            self._was_moving = speed > _MOVING
+            is_near = last is not None and 0 < seconds <= _MAX_STEP
+            self._was_moving = is_near and distance(last or fix, fix) > _MOVING * seconds
             self._first, self._repeats = fix, 1
             return False
 

@@ -37,6 +37,9 @@ STAY_KINDS = frozenset({"trip.start", "trip.end", "stay.start", "stay.end"})
 _MOVING_PERIOD = 300.0
 _CHANGE_PERIOD = 60.0
 
+#: The first of them as a share of what is read.
+_MOVING_SHARE = 0.1
+
 #: Seconds of fixes before the newest that stay, so that late ones can correct them.
 _KEPT = 86_400.0
 
@@ -81,6 +84,9 @@ class StayTracker:
         self._outside = 0
         self._places = VisitedPlaces(settings.radius, geographic=window.geographic)
 
+        # Places tell more once the log has fixes between gaps, as for gpszip trips.
+        self._is_open = False
+
         # Long stays from which the window may be read: from the last one unless a fix is late.
         self._anchor = -math.inf
         self._anchors: list[float] = []
@@ -122,12 +128,12 @@ class StayTracker:
         self._last_reading, self._outside = self._window.last, 0
         line, plane = self._timeline()
         self._place = _current_place(line, plane)
-        self._visit(line, plane)
 
         # What it says, and what of it is settled now.
         findings = _findings(line, plane)
         events = self._known.update(findings, received, after=self._anchor, kinds=STAY_KINDS)
         self._settle(line)
+        self._visit(line, plane)
         return events
 
     def cut(self, received: float) -> list[Event]:
@@ -160,6 +166,7 @@ class StayTracker:
             "anchor": _finite(self._anchor),
             "anchors": self._anchors,
             "places": self._places.to_row(),
+            "open": self._is_open,
         }
 
     def restore(self, row: dict[str, Any]) -> None:
@@ -172,6 +179,7 @@ class StayTracker:
         self.settled = _infinite(row["settled"])
         self._anchor, self._anchors = _infinite(row["anchor"]), list(row["anchors"])
         self._places.restore(row["places"])
+        self._is_open = row["open"]
 
     def _is_due(self, fix: Fix) -> bool:
         """Whether the newest fix may change what the log says."""
@@ -193,8 +201,9 @@ class StayTracker:
             self._outside += 1
             return self._outside >= _MIN_OUTSIDE
 
-        # On the way, whoever has hardly moved for so long may stay.
-        if since >= _MOVING_PERIOD:
+        # On the way, whoever has hardly moved for so long may stay. Long trips are read seldom.
+        begin = max(self._anchor, window.first)
+        if since >= max(_MOVING_PERIOD, _MOVING_SHARE * (fix.time - begin)):
             return True
         row = window.row_at(fix.time - self._settings.min_stay)
         before = Fix("", "", 0.0, 0.0, window.position(row), window.geographic)
@@ -209,8 +218,13 @@ class StayTracker:
             coordinates = to_plane(coordinates[:, 0], coordinates[:, 1], plane)
         times, accuracy = self._window.times[row:], self._window.accuracy()[row:]
         track = TrackSamples("", times, coordinates, accuracy)
-        places = self._known_places(plane, coordinates.shape[1])
-        return track_timeline(track, self._settings, places), plane
+        if not self._is_open:
+            line = track_timeline(track, self._settings)
+            self._is_open = line.open
+        if self._is_open:
+            places = self._known_places(plane, coordinates.shape[1])
+            line = track_timeline(track, self._settings, places)
+        return line, plane
 
     def _known_places(self, plane: Plane | None, dimension: int) -> Floats | None:
         """Places where the agent stayed before, in metres."""
@@ -226,7 +240,10 @@ class StayTracker:
         for stop in line.stops[:-1]:
             is_seen = stop.last_seen - stop.first_seen >= self._settings.min_stay
             if is_seen and stop.first_seen > self._places.until:
-                self._places.add(_coordinates(stop.halt.centre, plane), stop.first_seen)
+                is_new = self._places.add(_coordinates(stop.halt.centre, plane), stop.first_seen)
+                if is_new and self._is_open:
+                    # Single fixes there, of the last day, were stays.
+                    self._anchor = self.settled
 
     def _long_stays(self, line: Timeline) -> list[float]:
         """First fixes of stays that can't become pauses, nor parts of those before the anchor."""
@@ -243,6 +260,7 @@ class StayTracker:
         # The last but one long stay; the trip after it may change yet.
         long = self._long_stays(line)
         if len(long) > 1:
+            self._anchors = [anchor for anchor in self._anchors if anchor < long[-2]]
             self._anchors.append(long[-2])
             self._anchor = long[-2]
 
