@@ -9,6 +9,8 @@ from gpszip.live.events import Event
 from gpszip.live.fix import Fix
 from gpszip.live.monitor.gaps import GapTracker
 from gpszip.live.monitor.known import KnownEvents
+from gpszip.live.monitor.on_map.known_map import KnownMap
+from gpszip.live.monitor.on_map.tracker import MapTracker
 from gpszip.live.monitor.reorder import ReorderBuffer
 from gpszip.live.monitor.sources import SourceTracker
 from gpszip.live.monitor.stays import StayTracker
@@ -27,7 +29,7 @@ _SAME_EPOCH = 0.05
 
 
 class AgentMonitor:
-    """Finds the events of one agent that need no map.
+    """Finds the events of one agent.
 
     Parameters
     ----------
@@ -41,6 +43,8 @@ class AgentMonitor:
         Seconds without a fix after which it is silent.
     settings : Settings
         What counts as a stay and as a trip.
+    known_map : KnownMap, optional
+        The map on which it is followed.
     """
 
     def __init__(
@@ -51,6 +55,7 @@ class AgentMonitor:
         delay: float,
         silent_after: float,
         settings: Settings,
+        known_map: KnownMap | None = None,
     ) -> None:
         self.agent, self.geographic = agent, geographic
         self.buffer = ReorderBuffer(delay)
@@ -61,6 +66,11 @@ class AgentMonitor:
         self._gaps = GapTracker(self._window, self._known, silent_after)
         self._sources = SourceTracker(self._known)
         self._used: Fix | None = None
+
+        #: What follows it on the map.
+        self.on_map: MapTracker | None = None
+        if known_map is not None:
+            self.on_map = MapTracker(agent, known_map, self._window, self._known)
 
         #: Whether late fixes wait until the window is read again.
         self.is_late = False
@@ -102,8 +112,19 @@ class AgentMonitor:
         if self._stays.is_far(fix):
             events += self._stays.cut(fix.received)
         self._window.add(fix)
+        was_silent = self._gaps.is_silent
         events += self._gaps.take(fix.received, self._stays.settled)
+        was_staying = self._stays.is_staying
         events += self._stays.take(fix, capacity)
+        if self.on_map is None:
+            return events
+
+        # A trip is over where a stay begins, or where a gap is long.
+        if was_silent or any(event.kind == "silent" for event in events):
+            events += self.on_map.rest(is_over=True)
+        events += self.on_map.take(fix)
+        if self._stays.is_staying and not was_staying:
+            events += self.on_map.rest(is_over=True)
         return events
 
     def take_late(self, fix: Fix) -> bool:
@@ -126,7 +147,10 @@ class AgentMonitor:
 
     def fall_silent(self, now: float) -> list[Event]:
         """Return the events of an agent that was not heard of for too long."""
-        return self._gaps.read(now, self._stays.settled, is_silent=True)
+        events = self._gaps.read(now, self._stays.settled, is_silent=True)
+        if self.on_map is not None:
+            events += self.on_map.rest(is_over=True)
+        return events
 
     def refuse(self, time: float, received: float) -> list[Event]:
         """Return the events after a fix that was refused for its time."""
@@ -147,6 +171,7 @@ class AgentMonitor:
             "sources": self._sources.to_row(),
             "used": None if self._used is None else self._used.to_row(),
             "late": self.is_late,
+            "on_map": None if self.on_map is None else self.on_map.to_row(),
         }
 
     def restore(self, row: dict[str, Any]) -> None:
@@ -163,3 +188,5 @@ class AgentMonitor:
         self._sources.restore(row["sources"])
         self._used = None if row["used"] is None else Fix.from_row(row["used"])
         self.is_late = row["late"]
+        if self.on_map is not None and row["on_map"] is not None:
+            self.on_map.restore(row["on_map"])

@@ -45,6 +45,12 @@ class Finding:
         The evidence.
     details : mapping
         More facts.
+    directed : int, optional
+        Twice the edge of the map, plus 1 if it is travelled backward.
+    offset : float, optional
+        Metres from the edge's start.
+    confidence : float, optional
+        Probability that it is true.
     """
 
     kind: str
@@ -53,6 +59,9 @@ class Finding:
     mark: str = ""
     why: str = ""
     details: Mapping[str, Any] = field(default_factory=dict)
+    directed: int | None = None
+    offset: float | None = None
+    confidence: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,6 +201,10 @@ class KnownEvents:
             finding.time,
             received,
             revises=revises,
+            edge=None if finding.directed is None else finding.directed >> 1,
+            forward=None if finding.directed is None else not finding.directed & 1,
+            offset=finding.offset,
+            confidence=finding.confidence,
             position=finding.position,
             geographic=self._geographic,
             why=finding.why,

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+import os
 from collections import Counter, OrderedDict
 from collections.abc import AsyncIterable, AsyncIterator, Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
+from gpszip.archive import Archive, open_archive
 from gpszip.errors import OptionError
 from gpszip.history.stays.values import Settings
 from gpszip.live.events import Event
 from gpszip.live.fix import Fix
 from gpszip.live.monitor.agent import AgentMonitor
+from gpszip.live.monitor.on_map.known_map import KnownMap
 from gpszip.live.monitor.sources import MAX_AHEAD
+from gpszip.model.match import Scales
 
 __all__ = ["Monitor"]
 
@@ -21,6 +25,9 @@ __all__ = ["Monitor"]
 _MAX_FIXES = 10_000
 _MIN_FIXES = 250
 _MAX_ALL_FIXES = 4_000_000
+
+#: Agents that are followed on the map at once, with 60 kB each; others begin anew there.
+_MAX_MATCHERS = 4_000
 
 #: Seconds of the clock between two looks at agents that say nothing.
 _SWEEP_PERIOD = 1.0
@@ -36,6 +43,10 @@ class Monitor:
 
     Parameters
     ----------
+    archive : Archive or path, optional
+        What is known of the map: then agents are followed on its edges.
+    scales : Scales, optional
+        Error and speeds of the fixes on that map; by default what the archive suggests.
     delay : float, default 10.0
         Seconds for which a fix waits for earlier ones.
     silent_after : float, default 3600.0
@@ -69,7 +80,9 @@ class Monitor:
 
     def __init__(
         self,
+        archive: Archive | str | os.PathLike[str] | None = None,
         *,
+        scales: Scales | None = None,
         delay: float = 10.0,
         silent_after: float = 3600.0,
         min_stay: float = 300.0,
@@ -86,12 +99,17 @@ class Monitor:
             raise OptionError(f"delay is {delay:g}", remedy="it must be a number from 0 on")
         self._delay, self._silent_after, self._max_agents = delay, silent_after, max_agents
         self._settings = Settings(min_stay, max_pause, radius)
+        self._map: KnownMap | None = None
+        if archive is not None:
+            known = archive if isinstance(archive, Archive) else open_archive(archive)
+            self._map = KnownMap(known, scales)
 
         # Agents, the least recently heard of first; those that are not silent; those that wait.
         self._agents: OrderedDict[str, AgentMonitor] = OrderedDict()
         self._heard: OrderedDict[str, None] = OrderedDict()
         self._waiting: dict[str, None] = {}
         self._late: dict[str, None] = {}
+        self._followed: OrderedDict[str, None] = OrderedDict()
         self._clock = self._swept = -math.inf
 
         #: Number of the last event.
@@ -154,6 +172,8 @@ class Monitor:
             for fix in agent.buffer.flush():
                 events += self._use(agent, fix)
             events += agent.read(self._clock)
+            if agent.on_map is not None:
+                events += agent.on_map.rest(is_over=False)
         self._waiting.clear()
         self._late.clear()
         return self._numbered(events)
@@ -184,6 +204,8 @@ class Monitor:
             name = agent.agent
             if not agent.is_silent:
                 self._heard[name] = None
+            if agent.on_map is not None and agent.on_map.has_matcher:
+                self._followed[name] = None
             if len(agent.buffer):
                 self._waiting[name] = None
             if agent.is_late:
@@ -208,7 +230,7 @@ class Monitor:
         agent.received = self._clock
         if len(self._agents) > self._max_agents:
             name, _ = self._agents.popitem(last=False)
-            for group in (self._heard, self._waiting, self._late):
+            for group in (self._heard, self._waiting, self._late, self._followed):
                 group.pop(name, None)
             self.counts["agents forgotten"] += 1
         return agent
@@ -226,6 +248,7 @@ class Monitor:
             delay=self._delay,
             silent_after=self._silent_after,
             settings=self._settings,
+            known_map=self._map,
         )
         return agent
 
@@ -249,6 +272,18 @@ class Monitor:
             return
         capacity = _MAX_ALL_FIXES // max(len(self._agents), 1)
         yield from agent.take(fix, min(max(capacity, _MIN_FIXES), _MAX_FIXES))
+        if agent.on_map is not None and agent.on_map.has_matcher:
+            yield from self._follow_on_map(agent.agent)
+
+    def _follow_on_map(self, name: str) -> Iterator[Event]:
+        """Note that an agent is followed; of too many, the first one's matcher is dropped."""
+        self._followed[name] = None
+        self._followed.move_to_end(name)
+        if len(self._followed) > _MAX_MATCHERS:
+            other, _ = self._followed.popitem(last=False)
+            on_map = self._agents[other].on_map
+            if on_map is not None:
+                yield from on_map.drop_matcher()
 
     def _advance(self, now: float) -> Iterator[Event]:
         """Let time pass up to now; look at all agents from time to time."""
