@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import Settings, check_token, common_options, quiet
 from gpszip.cli.outcome import Outcome
@@ -40,6 +41,7 @@ _KEY_VARIABLE = "GPSZIP_EVENTS_KEY"
     cls=CommandWithFormats,
     short_help="Take positions as they come, and keep them durably.",
 )
+@click.argument("map", metavar="[MAP.gpsz]", required=False, shell_complete=complete_files())
 @click.option(
     "--journal",
     "folder",
@@ -165,13 +167,16 @@ def command(
     Senders are told that a position was taken once it is on disk: nothing that was acknowledged is
     lost, whenever the machine stops. Repeats are left out. What can't be used is counted and told,
     and not sent again by apps. With -o, the stays and trips of each agent, and what is wrong with
-    its source, become events. Ctrl-C ends the command.
+    its source, become events; with the archive of a map, also where it is on it, where it goes, and
+    what is unusual. Ctrl-C ends the command.
     """
     from gpszip.cli.output import print_status
     from gpszip.live import Journal, Notices, Recorder
 
     # Refuse what can be refused before anything is opened.
     is_quiet = quiet or settings.json
+    if choices["map"] and not choices["outputs"]:
+        raise click.UsageError("a map tells events; say where they go with -o, as -o events.ndjson")
     if settings.json and "-" in choices["outputs"]:
         raise click.UsageError("--json and -o - both write to standard output; name a file")
     notices = Notices(_no_line if is_quiet else print_status)
@@ -227,9 +232,10 @@ def _open_events(
     from gpszip.live.outbox import Outbox
     from gpszip.live.sinks.open import open_sink
 
+    # What is known of the map first, as it is what may be wrong.
+    monitor = Monitor(choices["map"], delay=choices["delay"], silent_after=choices["silent_after"])
     sinks = {text: open_sink(text, choices["key"]) for text in choices["outputs"]}
     outbox = Outbox(journal.folder, sinks, notices)
-    monitor = Monitor(delay=choices["delay"], silent_after=choices["silent_after"])
     return Follower(journal, monitor, outbox, notices), outbox
 
 

@@ -23,7 +23,17 @@ KINDS: Mapping[str, str] = {
     "back": "the agent is heard of again",
     "source.clock": "the times of the agent's fixes are wrong, or right again",
     "source.stale": "the agent's fixes come more than an hour late, or in time again",
-    "source.repeat": "the agent repeats its position exactly, or no longer",
+    "source.repeat": "the agent repeats its position exactly while it moves, or no longer",
+    "edge.enter": "the agent entered an edge of the map",
+    "edge.leave": "the agent left an edge",
+    "off_map.start": "the agent left the map",
+    "off_map.end": "the agent is on the map again",
+    "wrong_way": "the agent travels an edge in the direction in which nobody did",
+    "predicted": "the node to which the agent seems to go, and when it arrives, have changed",
+    "late": "the agent has not arrived when 9 of 10 would have",
+    "unusual.turn": "the agent turned where hardly anybody does",
+    "unusual.speed": "the agent was much slower or faster than usual on an edge",
+    "unusual.stop": "the agent stopped on the way where nobody stops",
 }
 
 #: Letters of an id: 64 bits.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +27,13 @@ __all__ = ["KnownMap"]
 
 #: Time steps that a matcher keeps: most positions converge after few.
 _LAG = 20
+
+#: Beta as a multiple of the error. Errors of two fixes are their own, unlike those of an archive
+#: that is within its bound. Of 452 edges of two shuttle buses, 172 are found with 1, 441 with 3.
+_BETA = 3.0
+
+#: Metres of stated accuracy beyond which a fix tells no edge.
+_MAX_ACCURACY = 100.0
 
 #: Metres from a plane's centre beyond which there is no map.
 _MAX_DISTANCE = 2 * PLANE_RADIUS
@@ -62,6 +71,8 @@ class KnownMap:
     def __init__(self, archive: Archive, scales: Scales | None = None) -> None:
         # Roads.
         network, self.scales = roads_and_scales(archive, scales)
+        if scales is None:
+            self.scales = replace(self.scales, beta=_BETA * self.scales.error)
         self.index = index_network(network)
         self.network = network
         self.plane = archive.grid.plane
@@ -87,8 +98,8 @@ class KnownMap:
         return _AgentMatcher(self)
 
     def project(self, fix: Fix) -> Floats | None:
-        """Metres on the plane of the map; None far away, or for a fix of another kind."""
-        if fix.geographic != (self.plane is not None):
+        """Metres on the plane of the map; None far away, and for a rough or unlike fix."""
+        if fix.geographic != (self.plane is not None) or (fix.accuracy or 0.0) > _MAX_ACCURACY:
             return None
         if self.plane is None:
             return np.array(fix.position)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gpszip.history.prediction.predictor import hours_of_day
-from gpszip.history.unusual.route_surprise import direction_bits, turn_bits
+from gpszip.history.unusual.route_surprise import direction_bits
 from gpszip.live.fix import Fix, distance
 from gpszip.live.monitor.known import Finding
 from gpszip.live.monitor.on_map.known_map import KnownMap
@@ -16,8 +16,11 @@ from gpszip.live.monitor.text import duration_text
 
 __all__ = ["Surprises"]
 
-#: Bits of a turn that is told: 1 of 500 and less.
-_TURN_BITS = 9.0
+#: Probability of a turn that is told, at most.
+_TURN_CHANCE = 0.002
+
+#: Edges before a turn that tell how likely it is.
+_LOOK_BACK = 32
 
 #: Bits of a minute's pace, and of a stop, as for ``gpszip unusual``.
 _PACE_BITS, _STOP_BITS = 12.0, 8.0
@@ -63,20 +66,20 @@ class Surprises:
     def enter(self, route: list[int], time: float) -> list[Finding]:
         """Return what is unusual about the last turn of a route."""
         # The model was not trained with turns onto edges that no route connects.
-        if len(route) < 2 or route[-1] not in self._usual.model.options[route[-2]]:  # noqa: PLR2004
+        if len(route) < 2:
             return []
-        hour = self._hour(time)
-        bits = turn_bits(self._usual.model, route, [hour] * len(route), self._number)[-1]
-        if bits < _TURN_BITS:
+        options = self._usual.model.options[route[-2]]
+        if route[-1] not in options:
             return []
-        chance = 2.0**-bits
+        before = route[-_LOOK_BACK - 1 : -1]
+        probabilities = self._usual.model.predict(before, self._hour(time), self._number)
+        chance = probabilities[options.index(route[-1])]
+        if chance > _TURN_CHANCE:
+            return []
         why = f"rare turn onto edge {route[-1] >> 1}, probability {chance:.2g}"
         place = self._map.place_on(route[-1], 0.0)
-        details = {"bits": round(bits, 1)}
         return [
-            Finding(
-                "unusual.turn", time, place, "", why, details, route[-1], confidence=1.0 - chance
-            )
+            Finding("unusual.turn", time, place, "", why, {}, route[-1], confidence=1.0 - chance)
         ]
 
     def travel(self, current: Pass) -> list[Finding]:

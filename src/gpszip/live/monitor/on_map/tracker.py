@@ -38,9 +38,7 @@ class MapTracker:
         Makes events.
     """
 
-    def __init__(
-        self, agent: str, known_map: KnownMap, window: Window, known: KnownEvents
-    ) -> None:
+    def __init__(self, agent: str, known_map: KnownMap, window: Window, known: KnownEvents) -> None:
         self._map, self._window, self._known = known_map, window, known
         self._matcher: LiveMatcher | None = None
         self._reader = PassReader(known_map)
@@ -138,9 +136,7 @@ class MapTracker:
         place = self._map.place_on(passed.directed, passed.along)
         offset = self._map.offset(passed.directed, passed.along)
         details = {"enter": round(passed.enter, 3), "metres": round(passed.metres, 1)}
-        return Finding(
-            "edge.leave", passed.leave, place, "", "", details, passed.directed, offset
-        )
+        return Finding("edge.leave", passed.leave, place, "", "", details, passed.directed, offset)
 
     def _at(self, kind: str, time: float) -> Finding:
         """A finding where the agent was at a time."""
@@ -149,9 +145,7 @@ class MapTracker:
 
     def _tell(self, findings: list[Finding]) -> list[Event]:
         return [
-            self._known.tell(
-                finding, self._received, like=f"{finding.time:.3f} {finding.directed}"
-            )
+            self._known.tell(finding, self._received, like=f"{finding.time:.3f} {finding.directed}")
             for finding in findings
         ]
 
