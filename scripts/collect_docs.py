@@ -18,7 +18,7 @@ import click
 
 import gpszip
 from gpszip.cli.main import ERROR_CODES, ExitCode, cli
-from gpszip.cli.schemas import ERROR, SCHEMAS
+from gpszip.cli.schemas import ERROR, EVENT, SCHEMAS
 
 ROOT = Path(__file__).parents[1]
 
@@ -115,7 +115,7 @@ def write_schemas(target: Path) -> None:
         "fields than these; a later version may add some.",
         "",
     ]
-    for name, schema in {**SCHEMAS, "an error": ERROR}.items():
+    for name, schema in {**SCHEMAS, "an event": EVENT, "an error": ERROR}.items():
         file = folder / f"{re.sub(r'[^a-z]+', '-', name)}.json"
         file.write_text(json.dumps(schema, indent=2) + "\n")
         lines += [f"## {name}", "", f"[JSON schema](schemas/{file.name})", ""]

@@ -11,6 +11,8 @@ import gpszip
 #: Names in annotations that Python, numpy and the standard library define, or stand for these.
 FOREIGN = {
     "Any",
+    "AsyncIterable",
+    "AsyncIterator",
     "ArrayLike",
     "BinaryIO",
     "Callable",

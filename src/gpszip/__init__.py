@@ -64,6 +64,9 @@ if TYPE_CHECKING:
     from gpszip.history.travel_time import TravelTime
     from gpszip.history.traversals import Traversals
     from gpszip.history.usage import Usage
+    from gpszip.live.events import Event
+    from gpszip.live.fix import Fix
+    from gpszip.live.monitor.monitor import Monitor
     from gpszip.mapping.segment_map import SegmentMap, build_walk, make_map
     from gpszip.matching.live import FinalisedPosition, LivePosition
     from gpszip.model import (
@@ -141,9 +144,11 @@ __all__ = [
     "EdgeTransitions",
     "EdgeVisits",
     "ErrorBound",
+    "Event",
     "Executor",
     "FarPlace",
     "FinalisedPosition",
+    "Fix",
     "GPSZipError",
     "InputError",
     "LeftOut",
@@ -161,6 +166,7 @@ __all__ = [
     "Matching",
     "MergeReport",
     "MissingExtraError",
+    "Monitor",
     "Network",
     "NextRoad",
     "NoPositionsError",
@@ -337,6 +343,9 @@ _HOMES = {
     "gpszip.history.travel_time": ("TravelTime",),
     "gpszip.history.traversals": ("Traversals",),
     "gpszip.history.usage": ("Usage",),
+    "gpszip.live.events": ("Event",),
+    "gpszip.live.fix": ("Fix",),
+    "gpszip.live.monitor.monitor": ("Monitor",),
     "gpszip.matching.live": (
         "FinalisedPosition",
         "LivePosition",

@@ -21,6 +21,7 @@ import pytest
 import gpszip
 from gpszip.cli.main import main
 from gpszip.live import Fix, Journal, Notices
+from gpszip.live.events import Event, standing
 from gpszip.live.journal import segments
 from gpszip.live.listen import Rolling
 from live import bodies
@@ -122,6 +123,61 @@ def test_a_table_without_positions_is_an_error(listen):
     code, told = listen("hello,world\n1,2\n")
     assert code == 1
     assert "standard input: " in told.err
+
+
+def walk(first, count):
+    """Rows of someone who stays, and leaves again and again."""
+    times = range(first, first + count)
+    places = [48 + max(0, t % 60 - 20) * 1e-3 for t in times]
+    rows = [f"ann,{bodies.TIME + 60 * t},{x},11.5" for t, x in zip(times, places, strict=True)]
+    return "\n".join(["id,time,lat,lon", *rows, ""])
+
+
+def expected_events(folder):
+    """Ids of the events that stand in the end, had nothing been interrupted."""
+    monitor = gpszip.Monitor()
+    found = [event for fix in stored(folder) for event in monitor.push(fix)]
+    return {event.id for event in standing(found + monitor.close())}
+
+
+def test_events_are_written_once_and_go_on_after_a_restart(listen, tmp_path):
+    events = tmp_path / "events.ndjson"
+    code, told = listen(walk(0, 100), "-o", events, "-o", "-")
+    assert code == 0, told.err
+    assert told.out == events.read_text()
+    assert f"events sent: {2 * len(told.out.splitlines())}" in told.err
+    code, told = listen(walk(80, 120), "-o", events)
+    found = [Event.from_json(line) for line in events.read_text().splitlines()]
+    assert [event.seq for event in found] == list(range(1, len(found) + 1))
+    assert {event.id for event in standing(found)} == expected_events(tmp_path / "journal")
+    assert {event.kind for event in found} >= {"stay.start", "trip.start", "trip.end"}
+
+
+def test_killed_at_any_moment_no_event_is_lost_or_comes_twice(tmp_path):
+    rng = random.Random(5)
+    events, journal = tmp_path / "events.ndjson", tmp_path / "journal"
+    for number in range(2):
+        with listening(journal, "-o", events, stdin=subprocess.PIPE) as listener:
+            listener.process.stdin.write(walk(100 * number, 100))
+            listener.process.stdin.flush()
+            want = 100 * (number + 1)
+            assert wait_until(lambda: len(stored(journal)) == want)  # noqa: B023
+            time.sleep(rng.uniform(0, 0.3))
+            listener.process.kill()
+            listener.process.stdin.close()
+
+    # What was stored when it was killed last has its events now.
+    with listening(journal, "-o", events, stdin=subprocess.PIPE) as listener:
+        listener.process.stdin.close()
+        assert listener.process.wait(60) == 0
+    found = [Event.from_json(line) for line in events.read_text().splitlines()]
+    assert len({event.id for event in found}) == len(found)
+    assert {event.id for event in standing(found)} == expected_events(journal)
+
+
+def test_events_and_the_summary_do_not_share_standard_output(listen):
+    code, told = listen("", "-o", "-", "--json")
+    assert (code, "both write to standard output" in told.err) == (2, True)
 
 
 @needs_server

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import Settings, check_token, common_options, quiet
 from gpszip.cli.outcome import Outcome
@@ -18,7 +19,9 @@ from gpszip.cli.units import DURATION, LENGTH
 
 if TYPE_CHECKING:
     from gpszip.live import FixSource, Journal, Notices, Recorder
+    from gpszip.live.follow import Follower
     from gpszip.live.listen import Rolling
+    from gpszip.live.outbox import Outbox
     from gpszip.live.rolling.roll import RollReport
 
 __all__ = ["command"]
@@ -29,12 +32,16 @@ _DEFAULT_NAME = "log"
 #: Variable of the environment with the token.
 _TOKEN_VARIABLE = "GPSZIP_TOKEN"
 
+#: Variable of the environment with the key that signs events.
+_KEY_VARIABLE = "GPSZIP_EVENTS_KEY"
+
 
 @click.command(
     "listen",
     cls=CommandWithFormats,
     short_help="Take positions as they come, and keep them durably.",
 )
+@click.argument("map", metavar="[MAP.gpsz]", required=False, shell_complete=complete_files())
 @click.option(
     "--journal",
     "folder",
@@ -81,6 +88,40 @@ _TOKEN_VARIABLE = "GPSZIP_TOKEN"
     help="Zone of times that name none, such as Europe/Berlin.",
 )
 @click.option(
+    "-o",
+    "--output",
+    "outputs",
+    metavar="EVENTS",
+    multiple=True,
+    help="Send events as lines of JSON: a file, http:// or https:// for a webhook, mqtt://, or - "
+    "for standard output; repeatable.",
+)
+@click.option(
+    "--sign",
+    "key",
+    metavar="KEY",
+    envvar=_KEY_VARIABLE,
+    show_envvar=True,
+    callback=check_token,
+    help="Sign what is sent to webhooks with this key.",
+)
+@click.option(
+    "--silent-after",
+    type=DURATION,
+    metavar="DURATION",
+    default="1h",
+    show_default=True,
+    help="An agent is silent after so long without a fix.",
+)
+@click.option(
+    "--delay",
+    type=DURATION,
+    metavar="DURATION",
+    default="10s",
+    show_default=True,
+    help="Events wait so long for fixes that come late; later ones revise events.",
+)
+@click.option(
     "--archive",
     metavar="FILE",
     help="Append the journal to this archive at the end, and with --roll; made if it is missing.",
@@ -125,13 +166,19 @@ def command(
 
     Senders are told that a position was taken once it is on disk: nothing that was acknowledged is
     lost, whenever the machine stops. Repeats are left out. What can't be used is counted and told,
-    and not sent again by apps. Ctrl-C ends the command.
+    and not sent again by apps. With -o, the stays and trips of each agent, and what is wrong with
+    its source, become events; with the archive of a map, also where it is on it, where it goes, and
+    what is unusual. Ctrl-C ends the command.
     """
     from gpszip.cli.output import print_status
     from gpszip.live import Journal, Notices, Recorder
 
     # Refuse what can be refused before anything is opened.
     is_quiet = quiet or settings.json
+    if choices["map"] and not choices["outputs"]:
+        raise click.UsageError("a map tells events; say where they go with -o, as -o events.ndjson")
+    if settings.json and "-" in choices["outputs"]:
+        raise click.UsageError("--json and -o - both write to standard output; name a file")
     notices = Notices(_no_line if is_quiet else print_status)
     timezone = _timezone(choices["timezone"])
     _check_token_variable(choices)
@@ -146,7 +193,7 @@ def command(
         tell = _no_line if is_quiet else print_status
         sources = _open_sources(choices | {"folder": folder}, timezone, notices, recorder, tell)
         rolling = _rolling(folder, choices)
-        asyncio.run(_listen(sources, journal, recorder, notices, rolling))
+        asyncio.run(_listen(sources, journal, recorder, notices, rolling, choices))
     finally:
         journal.close()
 
@@ -166,10 +213,30 @@ async def _listen(
     recorder: Recorder,
     notices: Notices,
     rolling: Rolling | None,
+    choices: dict[str, Any],
 ) -> None:
     from gpszip.live.listen import listen
 
-    await listen(sources, journal, recorder, notices, rolling)
+    events = _open_events(journal, notices, choices)
+    await listen(sources, journal, recorder, notices, rolling, events)
+
+
+def _open_events(
+    journal: Journal, notices: Notices, choices: dict[str, Any]
+) -> tuple[Follower, Outbox] | None:
+    """What finds events and sends them; None where nobody wants any."""
+    if not choices["outputs"]:
+        return None
+    from gpszip.live.follow import Follower
+    from gpszip.live.monitor.monitor import Monitor
+    from gpszip.live.outbox import Outbox
+    from gpszip.live.sinks.open import open_sink
+
+    # What is known of the map first, as it is what may be wrong.
+    monitor = Monitor(choices["map"], delay=choices["delay"], silent_after=choices["silent_after"])
+    sinks = {text: open_sink(text, choices["key"]) for text in choices["outputs"]}
+    outbox = Outbox(journal.folder, sinks, notices)
+    return Follower(journal, monitor, outbox, notices), outbox
 
 
 def _check_token_variable(choices: dict[str, Any]) -> None:

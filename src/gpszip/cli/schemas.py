@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, TypeAlias
 
-__all__ = ["ERROR", "SCHEMAS"]
+__all__ = ["ERROR", "EVENT", "SCHEMAS"]
 
 #: The draft of JSON Schema in which the schemas are written.
 _DRAFT = "https://json-schema.org/draft/2020-12/schema"
@@ -845,6 +845,41 @@ ERROR: Schema = {
                 }
             )
         }
+    ),
+}
+
+#: Schema of a line of ``gpszip listen -o``, an event.
+EVENT: Schema = {
+    "$schema": _DRAFT,
+    "title": "gpszip listen -o: an event",
+    **_object(
+        {
+            "kind": "string: what happened, such as stay.start",
+            "id": "string: 16 hexadecimal digits; the same log gives the same ids",
+            "agent": "string: whom it is about; empty for the map",
+            "time": "number: when it happened, in seconds since 1970 or the agent's own zero",
+            "received": "number: when the fix was received that told it",
+            "seq": "integer: number among all events of the journal, from 1",
+        },
+        "",
+        {
+            "revises": "string: id of the event that this one replaces",
+            "withdrawn": {
+                "const": True,
+                "description": "the event that this one replaces did not happen",
+            },
+            "edge": "integer: edge of the map",
+            "forward": "boolean|null: whether it is travelled from its start to its end",
+            "offset": "number|null: metres from its start",
+            "lat": "number: degrees",
+            "lon": "number: degrees",
+            "x": "number: metres",
+            "y": "number: metres",
+            "z": "number: metres",
+            "confidence": "number|null: probability that it is true",
+            "why": "string: the evidence, for a person",
+            "details": {"type": "object", "description": "more facts, by the kind of event"},
+        },
     ),
 }
 

@@ -51,6 +51,7 @@ GPSZIP_WORKERS     --workers
 GPSZIP_ENGINE      --engine: threads or processes
 GPSZIP_SCHEDULER   --scheduler: the address of a Dask cluster
 GPSZIP_TOKEN       --token of listen and replay
+GPSZIP_EVENTS_KEY  --sign of listen
 NO_COLOR           no colours in progress bars
 TMPDIR             where logs larger than memory are sorted
 

@@ -10,8 +10,10 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from gpszip.files.os_errors import explain_os_error
+from gpszip.live.follow import Follower
 from gpszip.live.journal import Journal
 from gpszip.live.notices import Notices
+from gpszip.live.outbox import Outbox
 from gpszip.live.recorder import Recorder
 from gpszip.live.source import FixSource
 
@@ -38,13 +40,18 @@ class Rolling:
         self.every = every
         self._command = tuple(command)
 
-    async def run(self, journal: Journal, notices: Notices) -> None:
+    async def run(
+        self, journal: Journal, notices: Notices, follower: Follower | None = None
+    ) -> None:
         """Roll again and again, until the task is cancelled."""
         while True:
             await asyncio.sleep(self.every)
             try:
                 if not await asyncio.to_thread(journal.advance):
                     continue
+                if follower is not None:
+                    # What is archived is deleted, so its events must have been found.
+                    await follower.pass_segments()
                 error = await self._roll()
             except OSError as failed:
                 # Without memory for another process, the listener goes on.
@@ -84,6 +91,7 @@ async def listen(
     recorder: Recorder,
     notices: Notices,
     rolling: Rolling | None = None,
+    events: tuple[Follower, Outbox] | None = None,
 ) -> None:
     """Run all sources; return when they have ended, or at SIGINT or SIGTERM.
 
@@ -99,6 +107,8 @@ async def listen(
         Is told what happens.
     rolling : Rolling, optional
         Appends the journal to an archive from time to time.
+    events : tuple of Follower and Outbox, optional
+        Find the events of the journal, and send them.
 
     Raises
     ------
@@ -109,8 +119,12 @@ async def listen(
     with _stop_at_signals(stop):
         running = [asyncio.create_task(source.run(recorder)) for source in sources]
         beside: list[asyncio.Task[Any]] = [asyncio.create_task(stop.wait())]
+        if events is not None:
+            recorder.observer = events[0]
+            beside += [asyncio.create_task(events[0].run()), *events[1].start()]
         if rolling is not None:
-            beside.append(asyncio.create_task(rolling.run(journal, notices)))
+            follower = None if events is None else events[0]
+            beside.append(asyncio.create_task(rolling.run(journal, notices, follower)))
 
         # Wait until all sources have ended, one has failed, or a signal comes.
         everything = asyncio.ensure_future(asyncio.gather(*running))
@@ -120,6 +134,7 @@ async def listen(
                 (task.exception() for task in [*running, *beside] if _has_failed(task)), None
             )
         finally:
+            is_over = everything.done()
             for task in [*running, *beside]:
                 task.cancel()
             await asyncio.wait([*running, *beside], timeout=_END_SECONDS)
@@ -128,8 +143,22 @@ async def listen(
             await asyncio.wait([everything], timeout=_END_SECONDS)
             _has_failed(everything)
             await recorder.finish()
+            if events is not None:
+                await _finish(*events, is_over=is_over)
     if failed is not None:
         raise failed
+
+
+async def _finish(follower: Follower, outbox: Outbox, *, is_over: bool) -> None:
+    """Find the events of what was stored last, and send what is left."""
+    sending = outbox.start()
+    await follower.finish(is_over=is_over)
+    await outbox.finish()
+    for task in sending:
+        task.cancel()
+    await asyncio.wait(sending, timeout=_END_SECONDS)
+    await follower.save()
+    await outbox.close()
 
 
 def _has_failed(task: asyncio.Future[Any]) -> bool:

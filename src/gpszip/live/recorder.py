@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Sequence
+from typing import Protocol
 
 from gpszip.errors import OutputError
 from gpszip.live.fix import Fix, Marks, Unusable
@@ -17,7 +18,7 @@ from gpszip.live.notices import Notices
 from gpszip.live.screening import Screen
 from gpszip.live.seen import Seen, Verdict
 
-__all__ = ["Recorder"]
+__all__ = ["Observer", "Recorder"]
 
 #: Fixes that are written at once, at most.
 _MAX_BATCH = 20_000
@@ -32,6 +33,18 @@ _LEFT_OUT = {
 }
 
 
+class Observer(Protocol):
+    """Follows what a recorder does."""
+
+    def wake(self) -> None:
+        """Note that the journal has new fixes."""
+        ...
+
+    def refuse(self, fix: Fix) -> None:
+        """Note that a fix was refused, and is not in the journal."""
+        ...
+
+
 class Recorder:
     """Screens fixes, leaves out repeats, and writes the others to a journal.
 
@@ -41,10 +54,16 @@ class Recorder:
         Where fixes go. Those that it holds already are known.
     notices : Notices
         Is told what happens.
+
+    Attributes
+    ----------
+    observer : Observer or None
+        Is told when the journal has new fixes.
     """
 
     def __init__(self, journal: Journal, notices: Notices) -> None:
         self._journal, self._notices = journal, notices
+        self.observer: Observer | None = None
         self._seen = Seen()
         self._waiting: list[tuple[list[Fix], asyncio.Future[None]]] = []
         self._writer: asyncio.Task[None] | None = None
@@ -82,6 +101,8 @@ class Recorder:
             screened = self._screen.check(item)
             if screened is not None:
                 fixes.append(screened)
+            elif self.observer is not None:
+                self.observer.refuse(item)
         if not fixes:
             return
 
@@ -160,6 +181,8 @@ class Recorder:
             self._seen.add(fix)
         if fixes:
             self.last_received = time.time()
+            if self.observer is not None:
+                self.observer.wake()
             self._notices.count("stored", len(fixes))
             stale = sum(Marks.STALE in fix.quality for fix in fixes)
             if stale:

@@ -18,7 +18,7 @@ from gpszip.model.grid import step_size
 from gpszip.model.match import Scales
 from gpszip.model.prediction import NextRoad
 
-__all__ = ["Matcher"]
+__all__ = ["Matcher", "roads_and_scales"]
 
 #: Samples in a row that share an error, at one sample a second.
 _CORRELATED_SAMPLES = 5.0
@@ -81,7 +81,7 @@ class Matcher(LiveMatcher):
         # The roads of an archive, and what is known of the past on them.
         if not isinstance(map, Network):
             archive = map if isinstance(map, Archive) else open_archive(map)
-            map, scales = _roads_and_scales(archive, scales)
+            map, scales = roads_and_scales(archive, scales)
             if predictor is None:
                 predictor = Predictor(archive)
         if predictor is not None and len(predictor.network) != len(map):
@@ -110,8 +110,16 @@ class Matcher(LiveMatcher):
         return self._predicted[1]
 
 
-def _roads_and_scales(archive: Archive, scales: Scales | None) -> tuple[Network, Scales]:
-    """An archive's clean map as a network, and the scales that the archive suggests."""
+def roads_and_scales(archive: Archive, scales: Scales | None) -> tuple[Network, Scales]:
+    """An archive's clean map as a network, and the scales that the archive suggests.
+
+    Parameters
+    ----------
+    archive : Archive
+        With a map.
+    scales : Scales or None
+        Those of the user, which are returned then.
+    """
     from gpszip.pipeline.match import read_network
 
     # Read the clean map as roads; scales that the user gave need no estimate.

@@ -17,13 +17,13 @@ from gpszip.history.stays.measure import Travel, measure_travel
 from gpszip.history.stays.places import group_stops
 from gpszip.history.stays.roles import Role, find_roles, usual_hours
 from gpszip.history.stays.timeline import build_timeline
-from gpszip.history.stays.values import Move, Settings, Stop
+from gpszip.history.stays.values import Move, Settings, Stop, Timeline
 from gpszip.model.grid import Plane
 from gpszip.model.projection import map_coordinates
 from gpszip.model.timestamps import counts_from_1970
 from gpszip.model.trips import Place, Stay, Trip, Trips
 
-__all__ = ["TrackSamples", "collect_trips"]
+__all__ = ["TrackSamples", "collect_trips", "track_timeline"]
 
 #: Weight in seconds of the end of a trip without a stay, among stays of at least minutes.
 _END_WEIGHT = 1.0
@@ -154,12 +154,29 @@ def _check(settings: Settings) -> None:
             raise OptionError(f"{name} is {value:g}", remedy="it must be a positive number")
 
 
-def _read_history(track: TrackSamples, settings: Settings, places: Floats | None) -> _History:
+def track_timeline(
+    track: TrackSamples, settings: Settings, places: Floats | None = None
+) -> Timeline:
+    """Find the stays and trips of one track.
+
+    Parameters
+    ----------
+    track : TrackSamples
+        At least one sample, on one plane.
+    settings : Settings
+        What counts as a stay and as a trip.
+    places : float64 array, shape (k, d), optional
+        Centres of places that are known from other stays.
+    """
     # Errors are those of phones, unless places are small: then the receiver must be a better one.
     noise = math.hypot(min(DEFAULT_NOISE, _NOISE_SHARE * settings.radius), track.added_noise)
     least = math.hypot(min(MIN_NOISE, _NOISE_SHARE * settings.radius), track.added_noise)
     fixes = choose_fixes(track.times, track.positions, track.accuracy, noise=noise, min_noise=least)
-    line = build_timeline(add_travel(fixes, track.seen_travel), settings, places)
+    return build_timeline(add_travel(fixes, track.seen_travel), settings, places)
+
+
+def _read_history(track: TrackSamples, settings: Settings, places: Floats | None) -> _History:
+    line = track_timeline(track, settings, places)
     moves = [
         (move, measure_travel(line.fixes, move.start, move.end, move.begin, move.finish))
         for move in line.moves

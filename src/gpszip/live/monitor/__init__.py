@@ -1,0 +1,1 @@
+"""The monitor: from fixes of many agents to events."""

@@ -1,0 +1,192 @@
+"""What a monitor knows of one agent."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gpszip.history.stays.values import Settings
+from gpszip.live.events import Event
+from gpszip.live.fix import Fix
+from gpszip.live.monitor.gaps import GapTracker
+from gpszip.live.monitor.known import KnownEvents
+from gpszip.live.monitor.on_map.known_map import KnownMap
+from gpszip.live.monitor.on_map.tracker import MapTracker
+from gpszip.live.monitor.reorder import ReorderBuffer
+from gpszip.live.monitor.sources import SourceTracker
+from gpszip.live.monitor.stays import StayTracker
+from gpszip.live.monitor.window import Window
+
+__all__ = ["AgentMonitor"]
+
+#: Seconds for which a source of an agent is preferred to its other sources.
+_HOLD = 30.0
+
+#: A source whose accuracy is this share of the other's is preferred at once.
+_BETTER = 0.5
+
+#: Seconds between two fixes of a receiver that reports each twice.
+_SAME_EPOCH = 0.05
+
+
+class AgentMonitor:
+    """Finds the events of one agent.
+
+    Parameters
+    ----------
+    agent : str
+        Its name.
+    geographic : bool
+        Whether its positions are in degrees.
+    delay : float
+        Seconds for which fixes wait for earlier ones.
+    silent_after : float
+        Seconds without a fix after which it is silent.
+    settings : Settings
+        What counts as a stay and as a trip.
+    known_map : KnownMap, optional
+        The map on which it is followed.
+    """
+
+    def __init__(
+        self,
+        agent: str,
+        *,
+        geographic: bool,
+        delay: float,
+        silent_after: float,
+        settings: Settings,
+        known_map: KnownMap | None = None,
+    ) -> None:
+        self.agent, self.geographic = agent, geographic
+        self.buffer = ReorderBuffer(delay)
+        self.received = 0.0
+        self._window = Window(geographic=geographic)
+        self._known = KnownEvents(agent, geographic=geographic)
+        self._stays = StayTracker(self._window, self._known, settings)
+        self._gaps = GapTracker(self._window, self._known, silent_after)
+        self._sources = SourceTracker(self._known)
+        self._used: Fix | None = None
+
+        #: What follows it on the map.
+        self.on_map: MapTracker | None = None
+        if known_map is not None:
+            self.on_map = MapTracker(agent, known_map, self._window, self._known)
+
+        #: Whether late fixes wait until the window is read again.
+        self.is_late = False
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether it was told to be silent."""
+        return self._gaps.is_silent
+
+    @property
+    def is_staying(self) -> bool:
+        """Whether it stays in place."""
+        return self._stays.is_staying
+
+    def is_usable(self, fix: Fix) -> bool:
+        """Whether a fix is to be used, the next in time: not the second report of one moment."""
+        used = self._used
+        if used is not None and fix.time > used.time:
+            if fix.time - used.time < _SAME_EPOCH and fix.position != used.position:
+                return not self.geographic
+            if fix.source != used.source and fix.time - used.time <= _HOLD:
+                known = fix.accuracy is not None and used.accuracy is not None
+                if not known or fix.accuracy > _BETTER * used.accuracy:  # type: ignore[operator]
+                    return False
+        self._used = fix
+        return True
+
+    def take(self, fix: Fix, capacity: int) -> list[Event]:
+        """Return the events after the next fix in time.
+
+        Parameters
+        ----------
+        fix : Fix
+            Later than those before.
+        capacity : int
+            Fixes that may be kept.
+        """
+        events = self._sources.take(fix)
+        if self._stays.is_far(fix):
+            events += self._stays.cut(fix.received)
+        self._window.add(fix)
+        was_silent = self._gaps.is_silent
+        events += self._gaps.take(fix.received, self._stays.settled)
+        was_staying = self._stays.is_staying
+        events += self._stays.take(fix, capacity)
+        if self.on_map is None:
+            return events
+
+        # A trip is over where a stay begins, or where a gap is long.
+        if was_silent or any(event.kind == "silent" for event in events):
+            events += self.on_map.rest(is_over=True)
+        events += self.on_map.take(fix)
+        if self._stays.is_staying and not was_staying:
+            events += self.on_map.rest(is_over=True)
+        return events
+
+    def take_late(self, fix: Fix) -> bool:
+        """Take a fix before others that were used; return whether it is not too late for that."""
+        window = self._window
+        if not len(window) or fix.time <= max(self._stays.settled, window.first - 1e9):
+            return False
+        if self._stays.is_far(fix):
+            return False
+        if window.add(fix):
+            self._stays.take_late(fix.time)
+            self.is_late = True
+        return True
+
+    def read(self, received: float) -> list[Event]:
+        """Return what follows from all fixes up to now, late ones too."""
+        self.is_late = False
+        events = self._gaps.read(received, self._stays.settled, is_silent=self._gaps.is_silent)
+        return events + self._stays.read(received)
+
+    def fall_silent(self, now: float) -> list[Event]:
+        """Return the events of an agent that was not heard of for too long."""
+        events = self._gaps.read(now, self._stays.settled, is_silent=True)
+        if self.on_map is not None:
+            events += self.on_map.rest(is_over=True)
+        return events
+
+    def refuse(self, time: float, received: float) -> list[Event]:
+        """Return the events after a fix that was refused for its time."""
+        return self._sources.refuse(time, received)
+
+    def to_row(self) -> dict[str, Any]:
+        """Return the state as a value of JSON."""
+        return {
+            "agent": self.agent,
+            "geographic": self.geographic,
+            "received": self.received,
+            "released": None if self._used is None else self.buffer.released,
+            "waiting": [fix.to_row() for fix in self.buffer.waiting()],
+            "window": self._window.to_rows(),
+            "known": self._known.to_rows(),
+            "stays": self._stays.to_row(),
+            "silent": self._gaps.is_silent,
+            "sources": self._sources.to_row(),
+            "used": None if self._used is None else self._used.to_row(),
+            "late": self.is_late,
+            "on_map": None if self.on_map is None else self.on_map.to_row(),
+        }
+
+    def restore(self, row: dict[str, Any]) -> None:
+        """Take over what :meth:`to_row` returned."""
+        self.received = row["received"]
+        for fix in row["waiting"]:
+            self.buffer.add(Fix.from_row(fix))
+        if row["released"] is not None:
+            self.buffer.released = row["released"]
+        self._window.restore(row["window"])
+        self._known.restore(row["known"])
+        self._stays.restore(row["stays"])
+        self._gaps.is_silent = row["silent"]
+        self._sources.restore(row["sources"])
+        self._used = None if row["used"] is None else Fix.from_row(row["used"])
+        self.is_late = row["late"]
+        if self.on_map is not None and row["on_map"] is not None:
+            self.on_map.restore(row["on_map"])

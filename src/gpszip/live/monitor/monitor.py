@@ -1,0 +1,321 @@
+"""Monitor: takes fixes of any number of agents as they come, and returns events."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections import Counter, OrderedDict
+from collections.abc import AsyncIterable, AsyncIterator, Iterable, Iterator
+from dataclasses import replace
+from typing import Any
+
+from gpszip.archive import Archive, open_archive
+from gpszip.errors import OptionError
+from gpszip.history.stays.values import Settings
+from gpszip.live.events import Event
+from gpszip.live.fix import Fix
+from gpszip.live.monitor.agent import AgentMonitor
+from gpszip.live.monitor.on_map.known_map import KnownMap
+from gpszip.live.monitor.sources import MAX_AHEAD
+from gpszip.model.match import Scales
+
+__all__ = ["Monitor"]
+
+#: Fixes kept for one agent, at most and at least, and those of all agents.
+_MAX_FIXES = 10_000
+_MIN_FIXES = 250
+_MAX_ALL_FIXES = 4_000_000
+
+#: Agents that are followed on the map at once, with 60 kB each; others begin anew there.
+_MAX_MATCHERS = 4_000
+
+#: Seconds of the clock between two looks at agents that say nothing.
+_SWEEP_PERIOD = 1.0
+
+
+class Monitor:
+    """Finds events in the fixes of many agents while they come.
+
+    Fixes wait for a moment, so that those which come a little late take their place in time. Fixes
+    that come later still correct what was told: then an event revises or withdraws another one.
+    Memory is bounded: an agent has at most 10,000 fixes, thinned where they are near in time, and
+    of too many agents the one that was heard of least recently is forgotten.
+
+    Parameters
+    ----------
+    archive : Archive or path, optional
+        What is known of the map: then agents are followed on its edges.
+    scales : Scales, optional
+        Error and speeds of the fixes on that map; by default what the archive suggests.
+    delay : float, default 10.0
+        Seconds for which a fix waits for earlier ones.
+    silent_after : float, default 3600.0
+        Seconds without a fix after which an agent is silent.
+    min_stay : float, default 300.0
+        Seconds; shorter stops are no stays, as in :func:`gpszip.trips`.
+    max_pause : float, default 900.0
+        Seconds; shorter stays on the way of a trip don't end it.
+    radius : float, default 100.0
+        Metres around the centre of a place that belong to it.
+    max_agents : int, default 10000
+        Agents that are known at once.
+
+    Raises
+    ------
+    OptionError
+        If a number can't be used.
+
+    Examples
+    --------
+    >>> from gpszip import Fix
+    >>> monitor = Monitor()
+    >>> events = []
+    >>> for t in range(0, 1500, 10):
+    ...     place = (48.0, 11.5 + max(t - 900, 0) * 1e-4)
+    ...     events += monitor.push(Fix("ann", "gpsd", 1.8e9 + t, 1.8e9 + t, place))
+    >>> events += monitor.close()
+    >>> [(event.kind, round(event.time - 1.8e9)) for event in events if event.revises is None]
+    [('stay.start', 0), ('stay.end', 900), ('trip.start', 900)]
+    """
+
+    def __init__(
+        self,
+        archive: Archive | str | os.PathLike[str] | None = None,
+        *,
+        scales: Scales | None = None,
+        delay: float = 10.0,
+        silent_after: float = 3600.0,
+        min_stay: float = 300.0,
+        max_pause: float = 900.0,
+        radius: float = 100.0,
+        max_agents: int = 10_000,
+    ) -> None:
+        # Numbers that make sense.
+        numbers = {"silent_after": silent_after, "min_stay": min_stay, "max_pause": max_pause}
+        for name, number in {**numbers, "radius": radius, "max_agents": max_agents}.items():
+            if not 0 < number < math.inf:
+                raise OptionError(f"{name} is {number:g}", remedy="it must be a positive number")
+        if not 0 <= delay < math.inf:
+            raise OptionError(f"delay is {delay:g}", remedy="it must be a number from 0 on")
+        self._delay, self._silent_after, self._max_agents = delay, silent_after, max_agents
+        self._settings = Settings(min_stay, max_pause, radius)
+        self._map: KnownMap | None = None
+        if archive is not None:
+            known = archive if isinstance(archive, Archive) else open_archive(archive)
+            self._map = KnownMap(known, scales)
+
+        # Agents, the least recently heard of first; those that are not silent; those that wait.
+        self._agents: OrderedDict[str, AgentMonitor] = OrderedDict()
+        self._heard: OrderedDict[str, None] = OrderedDict()
+        self._waiting: dict[str, None] = {}
+        self._late: dict[str, None] = {}
+        self._followed: OrderedDict[str, None] = OrderedDict()
+        self._clock = self._swept = -math.inf
+
+        #: Number of the last event.
+        self.seq = 0
+        #: What was left out, and how often.
+        self.counts: Counter[str] = Counter()
+
+    def push(self, fix: Fix) -> list[Event]:
+        """Take a fix; return the events that follow from it.
+
+        A fix that can't be used, such as one from the future, is left out and counted.
+        """
+        events = list(self._advance(fix.received))
+        agent = self._agent(fix)
+        if agent is None:
+            return self._numbered(events)
+        if fix.time - fix.received > MAX_AHEAD:
+            self.counts["times more than a day in the future left out"] += 1
+            return self._numbered([*events, *agent.refuse(fix.time, fix.received)])
+
+        # In time, or late.
+        if fix.time <= agent.buffer.released:
+            self._take_late(agent, fix)
+        else:
+            agent.buffer.add(fix)
+            self._waiting[fix.agent] = None
+            events += self._release(agent)
+        return self._numbered(events)
+
+    def late(self, fix: Fix) -> list[Event]:
+        """Take a fix that is known to be late, such as one of a log that is found afterwards.
+
+        It corrects what was told of the past, but does not say that the agent was heard of.
+        """
+        agent = self._agents.get(fix.agent)
+        if agent is None or fix.time > agent.buffer.released or not self._is_usable(fix):
+            return self.push(fix)
+        self._take_late(agent, fix)
+        return []
+
+    def tick(self, now: float) -> list[Event]:
+        """Return the events that follow from the time that passed.
+
+        Parameters
+        ----------
+        now : float
+            Seconds, as times of receipt are counted.
+        """
+        return self._numbered([*self._advance(now), *self._sweep()])
+
+    def refuse(self, agent: str, time: float, received: float) -> list[Event]:
+        """Note that a fix of a known agent was refused for its time; return the events."""
+        known = self._agents.get(agent)
+        return [] if known is None else self._numbered(known.refuse(time, received))
+
+    def close(self) -> list[Event]:
+        """Return what follows from all fixes so far. What goes on is not ended by that."""
+        events: list[Event] = []
+        for agent in self._agents.values():
+            for fix in agent.buffer.flush():
+                events += self._use(agent, fix)
+            events += agent.read(self._clock)
+            if agent.on_map is not None:
+                events += agent.on_map.rest(is_over=False)
+        self._waiting.clear()
+        self._late.clear()
+        return self._numbered(events)
+
+    async def follow(self, fixes: AsyncIterable[Fix]) -> AsyncIterator[Event]:
+        """Yield the events of fixes as they come, and then those of :meth:`close`."""
+        async for fix in fixes:
+            for event in self.push(fix):
+                yield event
+        for event in self.close():
+            yield event
+
+    def states(self) -> Iterator[dict[str, Any]]:
+        """Yield the state as values of JSON: first of the monitor, then of each agent."""
+        yield {"clock": _finite(self._clock), "seq": self.seq}
+        for agent in self._agents.values():
+            yield agent.to_row()
+
+    def restore(self, states: Iterable[dict[str, Any]]) -> None:
+        """Take over what :meth:`states` yielded."""
+        rows = iter(states)
+        head = next(rows)
+        self._clock = -math.inf if head["clock"] is None else head["clock"]
+        self.seq = head["seq"]
+        for row in rows:
+            agent = self._new_agent(row["agent"], geographic=row["geographic"])
+            agent.restore(row)
+            name = agent.agent
+            if not agent.is_silent:
+                self._heard[name] = None
+            if agent.on_map is not None and agent.on_map.has_matcher:
+                self._followed[name] = None
+            if len(agent.buffer):
+                self._waiting[name] = None
+            if agent.is_late:
+                self._late[name] = None
+
+    def _agent(self, fix: Fix) -> AgentMonitor | None:
+        """The agent of a fix, which was heard of now; None if the fix can't be used."""
+        if not self._is_usable(fix):
+            self.counts["fixes that are no positions left out"] += 1
+            return None
+        agent = self._agents.get(fix.agent)
+        if agent is None:
+            agent = self._new_agent(fix.agent, geographic=fix.geographic)
+        elif agent.geographic != fix.geographic:
+            self.counts["positions that are not like the agent's others left out"] += 1
+            return None
+
+        # Of too many, the one that was heard of least recently is forgotten.
+        self._agents.move_to_end(fix.agent)
+        self._heard[fix.agent] = None
+        self._heard.move_to_end(fix.agent)
+        agent.received = self._clock
+        if len(self._agents) > self._max_agents:
+            name, _ = self._agents.popitem(last=False)
+            for group in (self._heard, self._waiting, self._late, self._followed):
+                group.pop(name, None)
+            self.counts["agents forgotten"] += 1
+        return agent
+
+    def _is_usable(self, fix: Fix) -> bool:
+        numbers = (fix.time, fix.received, *fix.position)
+        if not all(map(math.isfinite, numbers)) or len(fix.position) < 2:
+            return False
+        return not fix.geographic or (abs(fix.position[0]) <= 90 and abs(fix.position[1]) <= 180)
+
+    def _new_agent(self, name: str, *, geographic: bool) -> AgentMonitor:
+        agent = self._agents[name] = AgentMonitor(
+            name,
+            geographic=geographic,
+            delay=self._delay,
+            silent_after=self._silent_after,
+            settings=self._settings,
+            known_map=self._map,
+        )
+        return agent
+
+    def _take_late(self, agent: AgentMonitor, fix: Fix) -> None:
+        if agent.take_late(fix):
+            self._late[fix.agent] = None
+            self.counts["late fixes put into their place"] += 1
+        else:
+            self.counts["fixes too late to correct events"] += 1
+
+    def _release(self, agent: AgentMonitor) -> Iterator[Event]:
+        """Use the fixes of an agent that have waited long enough."""
+        for fix in agent.buffer.ready(self._clock):
+            yield from self._use(agent, fix)
+        if not len(agent.buffer):
+            self._waiting.pop(agent.agent, None)
+
+    def _use(self, agent: AgentMonitor, fix: Fix) -> Iterator[Event]:
+        if not agent.is_usable(fix):
+            self.counts["fixes of another source or epoch left out"] += 1
+            return
+        capacity = _MAX_ALL_FIXES // max(len(self._agents), 1)
+        yield from agent.take(fix, min(max(capacity, _MIN_FIXES), _MAX_FIXES))
+        if agent.on_map is not None and agent.on_map.has_matcher:
+            yield from self._follow_on_map(agent.agent)
+
+    def _follow_on_map(self, name: str) -> Iterator[Event]:
+        """Note that an agent is followed; of too many, the first one's matcher is dropped."""
+        self._followed[name] = None
+        self._followed.move_to_end(name)
+        if len(self._followed) > _MAX_MATCHERS:
+            other, _ = self._followed.popitem(last=False)
+            on_map = self._agents[other].on_map
+            if on_map is not None:
+                yield from on_map.drop_matcher()
+
+    def _advance(self, now: float) -> Iterator[Event]:
+        """Let time pass up to now; look at all agents from time to time."""
+        if not now > self._clock:
+            return
+        self._clock = now
+        if now - self._swept >= _SWEEP_PERIOD:
+            yield from self._sweep()
+
+    def _sweep(self) -> Iterator[Event]:
+        """Look at agents whose fixes wait, whose late fixes were not read, and who say nothing."""
+        self._swept = self._clock
+        for name in list(self._waiting):
+            yield from self._release(self._agents[name])
+        for name in list(self._late):
+            yield from self._agents[name].read(self._clock)
+        self._late.clear()
+        while self._heard:
+            name = next(iter(self._heard))
+            agent = self._agents[name]
+            if self._clock - agent.received <= self._silent_after:
+                break
+            del self._heard[name]
+            yield from agent.fall_silent(self._clock)
+
+    def _numbered(self, events: Iterable[Event]) -> list[Event]:
+        found = []
+        for event in events:
+            self.seq += 1
+            found.append(replace(event, seq=self.seq))
+        return found
+
+
+def _finite(number: float) -> float | None:
+    return number if math.isfinite(number) else None

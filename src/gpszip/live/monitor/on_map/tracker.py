@@ -1,0 +1,180 @@
+"""One agent on the map: edges, travel off the map, predictions, and what is unusual."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+from gpszip.errors import TrackError
+from gpszip.live.events import Event
+from gpszip.live.fix import Fix
+from gpszip.live.monitor.known import Finding, KnownEvents
+from gpszip.live.monitor.on_map.known_map import KnownMap
+from gpszip.live.monitor.on_map.outlook import Outlook
+from gpszip.live.monitor.on_map.passes import Pass, PassReader, Step
+from gpszip.live.monitor.on_map.surprises import Surprises
+from gpszip.live.monitor.window import Window
+from gpszip.matching.live import FinalisedPosition, LiveMatcher, LivePosition
+
+__all__ = ["MapTracker"]
+
+#: Fixes of the window from which a matcher finds again where the agent is.
+_WARM_UP = 40
+
+
+class MapTracker:
+    """Follows one agent on the map.
+
+    Parameters
+    ----------
+    agent : str
+        Its name.
+    known_map : KnownMap
+        The map.
+    window : Window
+        The agent's last fixes.
+    known : KnownEvents
+        Makes events.
+    """
+
+    def __init__(self, agent: str, known_map: KnownMap, window: Window, known: KnownEvents) -> None:
+        self._map, self._window, self._known = known_map, window, known
+        self._matcher: LiveMatcher | None = None
+        self._reader = PassReader(known_map)
+        self._outlook = Outlook(agent, known_map)
+        self._surprises = Surprises(agent, known_map)
+        self._here: LivePosition | None = None
+        self._received = 0.0
+
+        #: Passes that are over, for those who watch all agents.
+        self.passed: list[Pass] = []
+
+    @property
+    def has_matcher(self) -> bool:
+        """Whether the agent has a matcher, which takes memory."""
+        return self._matcher is not None
+
+    def take(self, fix: Fix) -> list[Event]:
+        """Return the events after the next fix in time."""
+        self._received = fix.received
+        events = self._match(fix)
+        here = self._here
+        if here is not None and here.time == fix.time and not here.off_map:
+            events += self._tell(self._surprises.stand(fix, 2 * here.edge + (not here.forward)))
+        return events + self._tell(self._outlook.pass_time(fix.time, fix.position))
+
+    def rest(self, *, is_over: bool) -> list[Event]:
+        """Return what follows from the last fixes of an agent that stays or is silent.
+
+        Parameters
+        ----------
+        is_over : bool
+            Whether its trip is over.
+        """
+        events = [] if self._matcher is None else self._read(self._matcher.finish())
+        self._here = None
+        if is_over:
+            self._outlook.end_trip()
+        return events
+
+    def drop_matcher(self) -> list[Event]:
+        """Give the memory of the matcher back."""
+        events = self.rest(is_over=False)
+        self._matcher = None
+        return events
+
+    def _match(self, fix: Fix) -> list[Event]:
+        position = self._map.project(fix)
+        if position is None:
+            return []
+        if self._matcher is None:
+            self._matcher = self._map.matcher()
+        try:
+            self._here = self._matcher.push(fix.time, position, fix.heading)
+        except TrackError:
+            return []
+        return self._read(self._here.finalised)
+
+    def _read(self, finalised: tuple[FinalisedPosition, ...]) -> list[Event]:
+        events = []
+        for found in finalised:
+            step = self._reader.read(found)
+            events += self._tell(self._findings(step))
+            if self._reader.current is not None and found.edge >= 0:
+                events += self._tell(self._surprises.travel(self._reader.current))
+        return events
+
+    def _findings(self, step: Step) -> list[Finding]:
+        """What a step on the map tells."""
+        # Edges that are left; those that were passed as a whole were entered, too.
+        findings: list[Finding] = []
+        if step.on is not None:
+            findings.append(self._at("off_map.end", step.on))
+        for number, passed in enumerate(step.left):
+            if number:
+                findings += self._enter(passed)
+            findings.append(self._leave(passed))
+            findings += self._surprises.leave(passed)
+            self.passed.append(passed)
+        if step.entered is not None:
+            findings += self._enter(step.entered)
+        if step.off is not None:
+            findings.append(self._at("off_map.start", step.off))
+            self._outlook.end_trip()
+        return findings
+
+    def _enter(self, passed: Pass) -> list[Finding]:
+        place = self._map.place_on(passed.directed, passed.begin)
+        offset = self._map.offset(passed.directed, passed.begin)
+        entered = Finding("edge.enter", passed.enter, place, "", "", {}, passed.directed, offset)
+        predicted = self._outlook.enter(passed.directed, passed.enter, starts=passed.starts)
+        turned = self._surprises.enter(self._outlook.route, passed.enter)
+        return [entered, *turned, *predicted]
+
+    def _leave(self, passed: Pass) -> Finding:
+        place = self._map.place_on(passed.directed, passed.along)
+        offset = self._map.offset(passed.directed, passed.along)
+        details = {"enter": round(passed.enter, 3), "metres": round(passed.metres, 1)}
+        return Finding("edge.leave", passed.leave, place, "", "", details, passed.directed, offset)
+
+    def _at(self, kind: str, time: float) -> Finding:
+        """A finding where the agent was at a time."""
+        row = min(self._window.row_at(time), len(self._window) - 1)
+        return Finding(kind, time, self._window.position(row))
+
+    def _tell(self, findings: list[Finding]) -> list[Event]:
+        return [
+            self._known.tell(finding, self._received, like=f"{finding.time:.3f} {finding.directed}")
+            for finding in findings
+        ]
+
+    def to_row(self) -> dict[str, Any]:
+        """Return the state as a value of JSON; the matcher is found again from the window."""
+        current = self._reader.current
+        return {
+            "current": None if current is None else asdict(current),
+            "off": self._reader.is_off,
+            "done": self._reader.done if math.isfinite(self._reader.done) else None,
+            "outlook": self._outlook.to_row(),
+            "surprises": self._surprises.to_row(),
+            "matcher": self.has_matcher,
+        }
+
+    def restore(self, row: dict[str, Any]) -> None:
+        """Take over what :meth:`to_row` returned."""
+        self._reader.current = None if row["current"] is None else Pass(**row["current"])
+        self._reader.is_off = row["off"]
+        self._outlook.restore(row["outlook"])
+        self._surprises.restore(row["surprises"])
+
+        # The matcher takes the last fixes again, whose positions were read.
+        self._reader.done = math.inf
+        if row["matcher"]:
+            coordinates, times = self._window.coordinates(), self._window.times
+            for number in range(max(0, len(times) - _WARM_UP), len(times)):
+                position = tuple(coordinates[number].tolist())
+                time = float(times[number])
+                self._match(Fix("", "", time, time, position, self._window.geographic))
+            self.passed.clear()
+        self._reader.done = -math.inf if row["done"] is None else row["done"]

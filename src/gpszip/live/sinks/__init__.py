@@ -1,0 +1,1 @@
+"""Where events go: standard output, files, webhooks and brokers, each behind ``EventSink``."""

@@ -1,0 +1,196 @@
+"""Agents on the map of an archive."""
+
+import json
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+
+import gpszip
+from gpszip import Fix, Monitor
+from gpszip.cli.schemas import EVENT
+from gpszip.history.traversals import match_traversals
+from gpszip.live.monitor.on_map.known_map import KnownMap
+from gpszip.pipeline.match import network_for
+from gpszip.testing import shuttles
+
+
+def part(track, begin, end):
+    rows = (track.times >= begin) & (track.times < end)
+    return gpszip.Track(track.id, track.times[rows], track.positions[rows])
+
+
+def fixes_of(tracks):
+    fixes = [
+        Fix(track.id, "test", time, time, tuple(place), geographic=False)
+        for track in tracks
+        for time, place in zip(track.times.tolist(), track.positions.tolist(), strict=True)
+    ]
+    return sorted(fixes, key=lambda fix: fix.time)
+
+
+@pytest.fixture(scope="module")
+def fleet():
+    """The archive of a morning of shuttle buses, and their log of the two hours after it."""
+    log = shuttles(2, lines=2, days=1, seed=2, blocks=4, period=20.0)
+    noon = log.tracks[0].times[0] + 5 * 3600
+    archive = gpszip.compress([part(t, 0, noon) for t in log.tracks], rmse=6.0, effort=1)
+    later = [part(track, noon, noon + 7200) for track in log.tracks]
+    return archive, [track for track in later if len(track)]
+
+
+@pytest.fixture(scope="module")
+def known_map(fleet):
+    return KnownMap(fleet[0])
+
+
+def monitor_on(known_map, **options):
+    """A monitor on a map that was read before."""
+    monitor = Monitor(**options)
+    monitor._map = known_map
+    return monitor
+
+
+@pytest.fixture(scope="module")
+def events(fleet, known_map):
+    monitor = monitor_on(known_map)
+    found = [event for fix in fixes_of(fleet[1]) for event in monitor.push(fix)]
+    return found + monitor.close()
+
+
+def test_edges_agree_with_those_of_the_whole_log(fleet, events):
+    archive, tracks = fleet
+    network = network_for(tracks, archive)
+    names = tuple(track.id for track in tracks)
+    rows = match_traversals(tracks, network, names, list(range(len(tracks))))
+    expected = {
+        (names[track], edge, forward, round(enter / 60))
+        for track, edge, forward, enter in zip(
+            rows.track.tolist(),
+            rows.edge.tolist(),
+            rows.forward.tolist(),
+            rows.enter.tolist(),
+            strict=True,
+        )
+    }
+    near = {(*each[:3], each[3] + shift) for each in expected for shift in (-1, 0, 1)}
+    told = [event for event in events if event.kind == "edge.enter"]
+    assert len(told) == pytest.approx(len(expected), rel=0.05)
+    right = [
+        (event.agent, event.edge, event.forward, round(event.time / 60)) in near for event in told
+    ]
+    assert np.mean(right) > 0.95
+
+
+def test_who_enters_an_edge_leaves_it_before_the_next(events):
+    for agent in {event.agent for event in events}:
+        on_edges = [
+            event
+            for event in events
+            if event.agent == agent and event.kind in {"edge.enter", "edge.leave"}
+        ]
+        for entered, left in zip(on_edges[::2], on_edges[1::2], strict=False):
+            assert (entered.kind, left.kind) == ("edge.enter", "edge.leave")
+            assert (entered.edge, entered.forward) == (left.edge, left.forward)
+            assert entered.time <= left.time
+
+
+def test_predictions_come_true_more_often_than_not(known_map, events):
+    heads = known_map.exits.heads
+    told = [event for event in events if event.kind == "predicted"]
+    assert told
+    entered = [event for event in events if event.kind == "edge.enter"]
+    reached = [
+        any(
+            heads[2 * event.edge + (not event.forward)] == each.details["node"]
+            and each.time <= event.time <= each.details["high"] + 300
+            for event in entered
+            if event.agent == each.agent
+        )
+        for each in told
+    ]
+    assert np.mean(reached) > 0.5
+    for each in told:
+        details = each.details
+        assert each.time <= details["low"] <= details["arrival"] <= details["high"]
+
+
+def test_each_event_has_the_form_of_the_schema(events):
+    for event in events[:: max(1, len(events) // 60)]:
+        Draft202012Validator(EVENT).validate(json.loads(event.to_json()))
+    assert len({event.id for event in events}) == len(events)
+
+
+def straight_map():
+    """A road that many travel to the right, with a way around."""
+    laps = []
+    for number in range(12):
+        begin = 2000.0 * number
+        square = np.array([[0, 0], [800, 0], [800, 300], [0, 300], [0, 0]], float)
+        along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(square, axis=0), axis=1))])
+        times = np.arange(0, along[-1] / 10, 5.0)
+        places = [np.interp(times * 10, along, axis) for axis in square.T]
+        laps.append((begin + times, np.stack(places, axis=1)))
+    times = 1.7e9 + np.concatenate([each for each, _ in laps])
+    return gpszip.Track("old", times, np.concatenate([each for _, each in laps]))
+
+
+@pytest.fixture(scope="module")
+def road():
+    return KnownMap(gpszip.compress(straight_map(), rmse=2.0, effort=1))
+
+
+def drive(road, places, period=5.0):
+    monitor = monitor_on(road, silent_after=7200.0)
+    found = []
+    for number, place in enumerate(places):
+        time = 1.75e9 + period * number
+        found += monitor.push(Fix("van", "test", time, time, place, geographic=False))
+    return found + monitor.close()
+
+
+def test_the_wrong_way_is_told_once_for_each_edge(road):
+    found = drive(road, [(800.0 - 50 * n, 1.0) for n in range(16)])
+    wrong = [(event.edge, event.forward) for event in found if event.kind == "wrong_way"]
+    assert wrong
+    assert len(set(wrong)) == len(wrong)
+    right = drive(road, [(50.0 * n, 1.0) for n in range(16)])
+    assert not [event for event in right if event.kind == "wrong_way"]
+
+
+def test_leaving_the_map_is_told_once_and_coming_back_too(road):
+    away = [(400.0, -60.0 * n) for n in range(1, 10)]
+    places = [*[(50.0 * n, 0.0) for n in range(9)], *away, *away[::-1]]
+    places += [(400.0 + 50 * n, 0.0) for n in range(8)]
+    kinds = [event.kind for event in drive(road, places) if event.kind.startswith("off_map")]
+    assert kinds == ["off_map.start", "off_map.end"]
+
+
+def test_a_stop_where_nobody_stops_is_told_once(road):
+    places = [*[(50.0 * n, 0.0) for n in range(8)], *[(400.0, 0.0)] * 100]
+    (stop,) = (event for event in drive(road, places) if event.kind == "unusual.stop")
+    assert stop.details["since"] == 1.75e9 + 40
+
+
+def test_a_slow_drive_is_told_once(fleet, known_map, events):
+    # All of it takes four times as long.
+    track = fleet[1][0]
+    times = track.times[0] + 4 * (track.times - track.times[0])
+    slow = gpszip.Track(track.id, times[:200], track.positions[:200])
+    monitor = monitor_on(known_map)
+    found = [event for fix in fixes_of([slow]) for event in monitor.push(fix)]
+    paces = [event.details["pace"] for event in found if event.kind == "unusual.speed"]
+    assert paces == ["slow"] * len(paces)
+    assert 1 <= len(paces) <= 5
+    assert sum(event.kind == "unusual.speed" for event in events) <= 2
+
+
+def test_a_monitor_on_a_map_goes_on_where_another_one_was_saved(fleet, known_map):
+    fixes = fixes_of(fleet[1])[:400]
+    whole, first, second = (monitor_on(known_map) for _ in range(3))
+    expected = [event for fix in fixes for event in whole.push(fix)]
+    found = [event for fix in fixes[:200] for event in first.push(fix)]
+    second.restore(json.loads(json.dumps(list(first.states()))))
+    found += [event for fix in fixes[200:] for event in second.push(fix)]
+    assert len({event.id for event in found}) == len(found)
+    assert {event.id for event in found} == {event.id for event in expected}
