@@ -347,7 +347,7 @@ def _describe(report: RollReport) -> str:
     where = ", ".join(report.archives) or "no archive was written"
     facts = [f"{where}: {_fixes(report.fixes - report.known)} appended"]
     facts += [f"{report.known:,} held already"] if report.known else []
-    facts += [f"{report.late:,} late, in further tracks"] if report.late else []
+    facts += [f"{report.late:,} in further tracks, late or after a break"] if report.late else []
     facts += [f"{report.damaged:,} damaged records passed over"] if report.damaged else []
     deleted = "1 segment" if report.segments == 1 else f"{report.segments:,} segments"
     return "; ".join([*facts, f"{deleted} of the journal deleted"])

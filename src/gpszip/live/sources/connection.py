@@ -11,13 +11,13 @@ from gpszip.errors import OptionError
 from gpszip.live.notices import Notices
 from gpszip.live.sources.lines import read_stream_lines
 
-__all__ = ["connected_lines", "split_url", "without_password"]
+__all__ = ["CONNECT_SECONDS", "RETRY_SECONDS", "connected_lines", "split_url", "without_password"]
 
 #: Seconds between attempts to connect, at first and at most; it doubles.
-_RETRY_SECONDS = (0.5, 10.0)
+RETRY_SECONDS = (0.5, 10.0)
 
 #: Seconds that an attempt may take.
-_CONNECT_SECONDS = 20.0
+CONNECT_SECONDS = 20.0
 
 #: Bytes of a line; those of gpsd have 10,240 at most.
 _MAX_LINE_BYTES = 1 << 16
@@ -39,11 +39,11 @@ async def connected_lines(
     greeting : callable, optional
         Returns what is sent at the start of each connection.
     """
-    pause = _RETRY_SECONDS[0]
+    pause = RETRY_SECONDS[0]
     is_away = False
     while True:
         try:
-            async with asyncio.timeout(_CONNECT_SECONDS):
+            async with asyncio.timeout(CONNECT_SECONDS):
                 reader, writer = await asyncio.open_connection(host, port)
         except (OSError, TimeoutError) as error:
             # Told once until the server is back.
@@ -52,7 +52,7 @@ async def connected_lines(
                 notices.note("can't be reached; will be tried again", name, reason)
             is_away = True
             await asyncio.sleep(pause)
-            pause = min(2 * pause, _RETRY_SECONDS[1])
+            pause = min(2 * pause, RETRY_SECONDS[1])
             continue
 
         # Read until the connection ends.
@@ -62,7 +62,7 @@ async def connected_lines(
             if greeting is not None:
                 writer.write(greeting())
             async for lines in read_stream_lines(reader, _MAX_LINE_BYTES):
-                pause = _RETRY_SECONDS[0]
+                pause = RETRY_SECONDS[0]
                 yield lines
         except OSError as error:
             notices.note("connection broken", name, error.strerror or "")
@@ -74,7 +74,7 @@ async def connected_lines(
         # What came last is complete.
         yield []
         await asyncio.sleep(pause)
-        pause = min(2 * pause, _RETRY_SECONDS[1])
+        pause = min(2 * pause, RETRY_SECONDS[1])
 
 
 def split_url(text: str, option: str, schemes: tuple[str, ...], example: str) -> SplitResult:
