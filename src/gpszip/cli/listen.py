@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.cli.format_lists import CommandWithFormats
+from gpszip.cli.live_sources import open_subscriptions, subscription_options
 from gpszip.cli.options import Settings, check_token, common_options, quiet
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH
@@ -60,6 +61,7 @@ _TOKEN_VARIABLE = "GPSZIP_TOKEN"
     multiple=True,
     help="Read NMEA: tcp://HOST:PORT, udp://:PORT, or a file, pipe or serial device; repeatable.",
 )
+@subscription_options
 @click.option("--stdin", is_flag=True, help="Read standard input; the default without a source.")
 @click.option(
     "--token",
@@ -256,6 +258,7 @@ def _open_sources(
         from gpszip.live.sources.nmea import open_nmea
 
         sources.append(open_nmea(address, name, notices))
+    sources += open_subscriptions(choices, name, notices)
 
     # Standard input.
     if choices["stdin"] or not sources:

@@ -72,9 +72,7 @@ async def batches_of(read: Callable[[], Awaitable[T]]) -> AsyncIterator[list[T]]
             await filling
 
 
-def _take(
-    first: T | _End[T], queue: asyncio.Queue[T | _End[T]]
-) -> tuple[list[T], _End[T] | None]:
+def _take(first: T | _End[T], queue: asyncio.Queue[T | _End[T]]) -> tuple[list[T], _End[T] | None]:
     """Return the messages that are there, and the end if it is."""
     batch: list[T] = []
     item = first

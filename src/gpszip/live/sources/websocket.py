@@ -48,11 +48,14 @@ async def keep_connected(
         begin = time.monotonic()
         reason = ""
         try:
-            async with await _connect(await find_url()) as connection:
-                if is_away:
-                    notices.note("connected again", name)
-                is_away = False
+            connection = await _connect(await find_url())
+            if is_away:
+                notices.note("connected again", name)
+            is_away = False
+            try:
                 await talk(connection)
+            finally:
+                await connection.close()
         except Exception as error:
             # A connection that was there and broke is told, as is a server that is off.
             if not _is_of_network(error):
