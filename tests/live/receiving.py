@@ -33,6 +33,11 @@ class Taken:
         return [item.reason for item in self.items]
 
 
+def run(test):
+    """Run a coroutine that may not take forever."""
+    return asyncio.run(asyncio.wait_for(test, DEADLINE))
+
+
 async def until(holds):
     """Wait until something holds."""
     async with asyncio.timeout(DEADLINE):

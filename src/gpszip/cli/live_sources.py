@@ -25,6 +25,19 @@ _OPTIONS = (
         multiple=True,
         help="A topic of --ros; by default one of each robot; repeatable.",
     ),
+    click.option(
+        "--mavlink",
+        metavar="URL",
+        multiple=True,
+        help="Read MAVLink: udp://:PORT, udpout://HOST:PORT, tcp://HOST:PORT, or a serial device; "
+        "?frame=local behind it for metres; repeatable.",
+    ),
+    click.option(
+        "--signalk",
+        metavar="URL",
+        help="Subscribe to vessels of a Signal K server: ws://HOST:PORT, or http://HOST:PORT, "
+        "which says where its stream is; ?vessels=self behind it for its own only.",
+    ),
 )
 
 
@@ -45,4 +58,12 @@ def open_subscriptions(choices: Mapping[str, Any], name: str, notices: Notices) 
         from gpszip.live.sources.ros import RosSource
 
         sources.append(RosSource(choices["ros"], choices["topics"], name, notices))
+    for address in choices["mavlink"]:
+        from gpszip.live.sources.mavlink import open_mavlink
+
+        sources.append(open_mavlink(address, name, notices))
+    if choices["signalk"]:
+        from gpszip.live.sources.signalk import SignalKSource
+
+        sources.append(SignalKSource(choices["signalk"], name, notices))
     return sources

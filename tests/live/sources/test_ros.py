@@ -1,6 +1,5 @@
 """ROS by rosbridge: a server that speaks its protocol, and a client that subscribes."""
 
-import asyncio
 import json
 from importlib.util import find_spec
 
@@ -10,6 +9,7 @@ from gpszip.live.sources import lines, ros, websocket
 from gpszip.live.sources.ros import RosSource
 from live.bodies import TIME
 from live.receiving import Taken, running, send, serving, until
+from live.receiving import run as finish
 
 pytestmark = pytest.mark.skipif(find_spec("websockets") is None, reason="needs gpszip[live]")
 
@@ -79,7 +79,7 @@ def listen(bridge, expected, *, topics=(), name="", full=0):
             async with running(source, taken):
                 await until(lambda: len(taken.fixes) >= expected)
 
-    asyncio.run(run())
+    finish(run())
     return taken
 
 
@@ -176,7 +176,7 @@ def test_a_bridge_without_rosapi_is_told():
             async with running(source, taken):
                 await until(lambda: any("went away" in line for line in taken.lines))
 
-    asyncio.run(run())
+    finish(run())
 
 
 def test_a_robot_that_goes_away_and_comes_back(monkeypatch):
@@ -204,7 +204,7 @@ def test_a_robot_that_goes_away_and_comes_back(monkeypatch):
             async with serving(bridge, port):
                 await until(lambda: len(taken.fixes) == 2)
 
-    asyncio.run(again())
+    finish(again())
     assert "127.0.0.1: connected again" in taken.lines
     assert "no topic with positions yet" in " ".join(taken.lines)
 
@@ -220,5 +220,5 @@ def test_a_message_that_is_too_large_ends_the_connection_and_no_more(monkeypatch
                 await until(lambda: "127.0.0.1: connected again" in taken.lines)
 
     taken = Taken()
-    asyncio.run(run())
+    finish(run())
     assert any("went away" in line for line in taken.lines)

@@ -11,7 +11,14 @@ from gpszip.errors import OptionError
 from gpszip.live.notices import Notices
 from gpszip.live.sources.lines import read_stream_lines
 
-__all__ = ["CONNECT_SECONDS", "RETRY_SECONDS", "connected_lines", "split_url", "without_password"]
+__all__ = [
+    "CONNECT_SECONDS",
+    "RETRY_SECONDS",
+    "connected_chunks",
+    "connected_lines",
+    "split_url",
+    "without_password",
+]
 
 #: Seconds between attempts to connect, at first and at most; it doubles.
 RETRY_SECONDS = (0.5, 10.0)
@@ -21,6 +28,9 @@ CONNECT_SECONDS = 20.0
 
 #: Bytes of a line; those of gpsd have 10,240 at most.
 _MAX_LINE_BYTES = 1 << 16
+
+#: Bytes that are read at once.
+_CHUNK_BYTES = 1 << 16
 
 
 async def connected_lines(
@@ -39,6 +49,36 @@ async def connected_lines(
     greeting : callable, optional
         Returns what is sent at the start of each connection.
     """
+
+    def read(reader: asyncio.StreamReader) -> AsyncIterator[list[bytes]]:
+        return read_stream_lines(reader, _MAX_LINE_BYTES)
+
+    async for lines in _connected(host, port, name, notices, read, greeting):
+        yield lines
+
+
+async def connected_chunks(
+    host: str, port: int, name: str, notices: Notices
+) -> AsyncIterator[list[bytes]]:
+    """Yield the bytes that a server sends, as :func:`connected_lines` does lines."""
+    async for chunks in _connected(host, port, name, notices, _read_chunks, None):
+        yield chunks
+
+
+async def _read_chunks(reader: asyncio.StreamReader) -> AsyncIterator[list[bytes]]:
+    while chunk := await reader.read(_CHUNK_BYTES):
+        yield [chunk]
+
+
+async def _connected(
+    host: str,
+    port: int,
+    name: str,
+    notices: Notices,
+    read: Callable[[asyncio.StreamReader], AsyncIterator[list[bytes]]],
+    greeting: Callable[[], bytes] | None,
+) -> AsyncIterator[list[bytes]]:
+    """Yield what is read from a server, and connect again whenever the connection ends."""
     pause = RETRY_SECONDS[0]
     is_away = False
     while True:
@@ -61,9 +101,9 @@ async def connected_lines(
         try:
             if greeting is not None:
                 writer.write(greeting())
-            async for lines in read_stream_lines(reader, _MAX_LINE_BYTES):
+            async for items in read(reader):
                 pause = RETRY_SECONDS[0]
-                yield lines
+                yield items
         except OSError as error:
             notices.note("connection broken", name, error.strerror or "")
         finally:
