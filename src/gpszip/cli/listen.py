@@ -258,7 +258,7 @@ def _open_sources(
         from gpszip.live.sources.nmea import open_nmea
 
         sources.append(open_nmea(address, name, notices))
-    sources += open_subscriptions(choices, name, notices)
+    sources += open_subscriptions(choices, name, notices, timezone)
 
     # Standard input.
     if choices["stdin"] or not sources:

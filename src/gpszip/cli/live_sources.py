@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from datetime import tzinfo
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -38,6 +39,11 @@ _OPTIONS = (
         help="Subscribe to vessels of a Signal K server: ws://HOST:PORT, or http://HOST:PORT, "
         "which says where its stream is; ?vessels=self behind it for its own only.",
     ),
+    click.option(
+        "--kafka",
+        metavar="HOST:PORT/TOPIC",
+        help="Read a topic of Kafka, of objects of JSON as standard input has them.",
+    ),
 )
 
 
@@ -48,9 +54,11 @@ def subscription_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def open_subscriptions(choices: Mapping[str, Any], name: str, notices: Notices) -> list[FixSource]:
+def open_subscriptions(
+    choices: Mapping[str, Any], name: str, notices: Notices, timezone: tzinfo
+) -> list[FixSource]:
     """Open the sources that were asked for."""
-    # Robots.
+    # Robots, vehicles and boats.
     sources: list[FixSource] = []
     if choices["topics"] and not choices["ros"]:
         raise click.UsageError("--topic needs --ros, the address of rosbridge")
@@ -66,4 +74,11 @@ def open_subscriptions(choices: Mapping[str, Any], name: str, notices: Notices) 
         from gpszip.live.sources.signalk import SignalKSource
 
         sources.append(SignalKSource(choices["signalk"], name, notices))
+
+    # Brokers.
+    if choices["kafka"]:
+        from gpszip.live.sources.kafka import KafkaSource
+
+        folder = choices["folder"]
+        sources.append(KafkaSource(choices["kafka"], folder, name, notices, timezone))
     return sources

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
+import platform
+import zlib
 from collections.abc import AsyncIterator, Callable
+from pathlib import Path
 from urllib.parse import SplitResult, urlsplit
 
 from gpszip.errors import OptionError
@@ -16,6 +20,7 @@ __all__ = [
     "RETRY_SECONDS",
     "connected_chunks",
     "connected_lines",
+    "session_name",
     "split_url",
     "without_password",
 ]
@@ -115,6 +120,12 @@ async def _connected(
         yield []
         await asyncio.sleep(pause)
         pause = min(2 * pause, RETRY_SECONDS[1])
+
+
+def session_name(journal: str | os.PathLike[str]) -> str:
+    """Return the name by which brokers know a journal of this machine again."""
+    who = f"{platform.node()}:{Path(journal).resolve()}".encode("utf-8", "surrogateescape")
+    return f"gpszip-{zlib.crc32(who):08x}"
 
 
 def split_url(text: str, option: str, schemes: tuple[str, ...], example: str) -> SplitResult:

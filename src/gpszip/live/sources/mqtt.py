@@ -8,11 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import os
-import platform
 import threading
 import time
-import zlib
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
@@ -23,7 +20,7 @@ from gpszip.live.formats.owntracks import agent_of_topic
 from gpszip.live.formats.values import Context, MessageError, clean_name, parse_json
 from gpszip.live.notices import Notices
 from gpszip.live.source import Receiver
-from gpszip.live.sources.connection import split_url
+from gpszip.live.sources.connection import session_name, split_url
 from gpszip.live.sources.lines import store_patiently
 
 if TYPE_CHECKING:
@@ -85,8 +82,7 @@ class MqttSource:
         self._notices = notices
         self._is_away = False
         # One machine and journal are one session.
-        who = f"{platform.node()}:{Path(journal).resolve()}".encode("utf-8", "surrogateescape")
-        self._client_id = f"gpszip-{zlib.crc32(who):08x}"
+        self._client_id = session_name(journal)
         self._is_ending = False
         self._space = threading.BoundedSemaphore(_MAX_WAITING)
 
