@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.live_sources import open_subscriptions, subscription_options
+from gpszip.cli.live_sources import open_subscriptions, owntracks_keys, subscription_options
 from gpszip.cli.options import Settings, check_token, common_options, quiet
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH
@@ -234,13 +234,21 @@ def _open_sources(
     # A server for apps.
     sources: list[FixSource] = []
     name = choices["name"] or ""
+    unseal = owntracks_keys(choices)
     if choices["http"]:
         from gpszip.live.sources.http import HttpSource
 
         host, port = _address(choices["http"], "--http", 8085)
         health = functools.partial(_health, recorder)
         server = HttpSource(
-            host, port, notices, token=choices["token"], timezone=timezone, health=health
+            host,
+            port,
+            notices,
+            token=choices["token"],
+            timezone=timezone,
+            health=health,
+            max_rate=choices["max_rate"],
+            unseal=unseal,
         )
         tell(f"listening at http://{server.address}")
         sources.append(server)
@@ -249,7 +257,7 @@ def _open_sources(
     if choices["mqtt"]:
         from gpszip.live.sources.mqtt import MqttSource
 
-        sources.append(MqttSource(choices["mqtt"], choices["folder"], notices))
+        sources.append(MqttSource(choices["mqtt"], choices["folder"], notices, unseal))
     if choices["gpsd"]:
         from gpszip.live.sources.gpsd import GpsdSource
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from datetime import tzinfo
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,10 @@ import click
 if TYPE_CHECKING:
     from gpszip.live import FixSource, Notices
 
-__all__ = ["open_subscriptions", "subscription_options"]
+__all__ = ["open_subscriptions", "owntracks_keys", "subscription_options"]
+
+#: Variable of the environment with the key of encrypted messages of OwnTracks.
+KEY_VARIABLE = "GPSZIP_OWNTRACKS_KEY"
 
 _OPTIONS = (
     click.option(
@@ -44,6 +48,20 @@ _OPTIONS = (
         metavar="HOST:PORT/TOPIC",
         help="Read a topic of Kafka, of objects of JSON as standard input has them.",
     ),
+    click.option(
+        "--owntracks-keys",
+        "keys",
+        metavar="FILE",
+        help="File with the keys of encrypted messages of OwnTracks, one in each line.",
+    ),
+    click.option(
+        "--max-rate",
+        metavar="NUMBER",
+        type=click.FloatRange(min=0, min_open=True),
+        default=500.0,
+        show_default=True,
+        help="Requests to --http of one sender in a second; faster ones have to come again.",
+    ),
 )
 
 
@@ -52,6 +70,18 @@ def subscription_options(command: Callable[..., Any]) -> Callable[..., Any]:
     for option in reversed(_OPTIONS):
         command = option(command)
     return command
+
+
+def owntracks_keys(choices: Mapping[str, Any]) -> Callable[[Any], Any] | None:
+    """Return what opens encrypted messages, with keys of a file or of the environment."""
+    key = os.environ.get(KEY_VARIABLE)
+    if choices["keys"] is None and not key:
+        return None
+    from gpszip.live.formats.encrypted import OwnTracksKeys
+
+    if choices["keys"] is not None:
+        return OwnTracksKeys.from_file(choices["keys"]).open
+    return OwnTracksKeys([key or ""], KEY_VARIABLE).open
 
 
 def open_subscriptions(

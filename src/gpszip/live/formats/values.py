@@ -64,12 +64,15 @@ class Context:
         Who sent it, from the topic, the path or the user; empty if that is not known.
     timezone : tzinfo
         Zone of times that name none.
+    unseal : callable, optional
+        Opens encrypted messages of OwnTracks.
     """
 
     received: float
     source: str
     agent: str = ""
     timezone: tzinfo = field(default=UTC)
+    unseal: Callable[[Any], Any] | None = None
 
 
 def to_number(value: Any) -> float | None:

@@ -11,6 +11,7 @@ import asyncio
 import base64
 import contextlib
 import hmac
+import math
 import socket
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -28,12 +29,13 @@ from gpszip.live.formats.text import TextParser
 from gpszip.live.formats.values import Context, MessageError, clean_name, parse_json
 from gpszip.live.notices import Notices
 from gpszip.live.source import Receiver
+from gpszip.live.sources.rates import Rates
 
 if TYPE_CHECKING:
     from starlette.requests import Request
     from starlette.responses import Response
 
-__all__ = ["HttpSource"]
+__all__ = ["MAX_RATE", "HttpSource"]
 
 #: Bytes of a body; a batch of Overland has 600 kB at most.
 _MAX_BODY_BYTES = 2 << 20
@@ -56,6 +58,12 @@ _HEAD_SECONDS = 30.0
 
 #: Seconds that the answer to a wrong token takes, so that few can be tried.
 _PAUSE_SECONDS = 0.5
+
+#: Requests of one sender in a second. Apps send one after the other, and none comes near it.
+MAX_RATE = 500.0
+
+#: Letters of each part of what tells senders apart.
+_MAX_SENDER_LETTERS = 100
 
 #: Connections at once; more are told to come again.
 _MAX_CONNECTIONS = 2_000
@@ -103,6 +111,10 @@ class HttpSource:
         Zone of times without one.
     health : callable, optional
         Further facts for ``/health``.
+    max_rate : float
+        Requests of one sender in a second. Faster ones are told to come again (429).
+    unseal : callable, optional
+        Opens encrypted messages of OwnTracks.
 
     Raises
     ------
@@ -121,9 +133,12 @@ class HttpSource:
         token: str | None = None,
         timezone: tzinfo = UTC,
         health: Callable[[], Mapping[str, Any]] | None = None,
+        max_rate: float = MAX_RATE,
+        unseal: Callable[[Any], Any] | None = None,
     ) -> None:
         _require_packages()
         self._notices, self._token, self._timezone = notices, token, timezone
+        self._rates, self._unseal = Rates(max_rate), unseal
         self._health = health or dict
         self._large = asyncio.Semaphore(_MAX_LARGE)
         self._socket = _bind(host, port)
@@ -185,6 +200,11 @@ class HttpSource:
             await asyncio.sleep(_PAUSE_SECONDS)
             challenge = {"WWW-Authenticate": 'Basic realm="gpszip"'}
             return PlainTextResponse("wrong token\n", 401, headers=challenge)
+        pause = self._rates.wait(_sender(request, query, headers, user), time.monotonic())
+        if pause:
+            self._notices.note("requests that came too fast refused for a while", _host(request))
+            later = {"Retry-After": str(math.ceil(pause))}
+            return PlainTextResponse("too fast; send it again later\n", 429, headers=later)
         turn = self._large if _is_large(headers) else contextlib.nullcontext()
         async with turn:
             return await self._take(request, query, headers, user, receiver)
@@ -269,7 +289,7 @@ class HttpSource:
         named = "/".join(part for part in (user, device) if part)
         name = clean_name(agent, named) if agent or named else ""
         source = "http" if app is None else app.value
-        return Context(time.time(), source, name, self._timezone)
+        return Context(time.time(), source, name, self._timezone, self._unseal)
 
     def _parse_content(
         self, message: _Message, app: App | None, context: Context
@@ -331,6 +351,20 @@ def _parse_table(body: bytes, context: Context) -> list[Fix | Unusable]:
     except (InputError, OptionError):
         return [Unusable(context.agent, "messages of unknown apps left out")]
     return found
+
+
+def _sender(
+    request: Request, query: Mapping[str, str], headers: Mapping[str, str], user: str
+) -> str:
+    """Return what tells senders apart before their messages are read: address, path and names."""
+    named = (query.get(name, "") for name in ("id", "deviceid", "u", "d", "aid", "ser"))
+    devices = (headers.get(name, "") for name in ("x-limit-u", "x-limit-d"))
+    parts = (_host(request), _path(request), user, *named, *devices)
+    return "\n".join(part[:_MAX_SENDER_LETTERS] for part in parts)
+
+
+def _host(request: Request) -> str:
+    return "" if request.client is None else request.client.host
 
 
 def _path(request: Request) -> str:

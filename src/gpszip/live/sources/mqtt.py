@@ -10,6 +10,7 @@ import asyncio
 import os
 import threading
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
@@ -61,6 +62,8 @@ class MqttSource:
         The journal; names the session.
     notices : Notices
         Is told what happens.
+    unseal : callable, optional
+        Opens encrypted messages.
 
     Raises
     ------
@@ -70,7 +73,13 @@ class MqttSource:
         If the address can't be used.
     """
 
-    def __init__(self, text: str, journal: str | os.PathLike[str], notices: Notices) -> None:
+    def __init__(
+        self,
+        text: str,
+        journal: str | os.PathLike[str],
+        notices: Notices,
+        unseal: Callable[[Any], Any] | None = None,
+    ) -> None:
         require_paho("--mqtt")
         self._url = text
         self._base = split_url(text, "--mqtt", ("mqtt", "mqtts"), _EXAMPLE).path.strip("/") or _BASE
@@ -79,7 +88,7 @@ class MqttSource:
                 f"--mqtt: topics begin with one base, not with {self._base}",
                 remedy=f"give one such as {_EXAMPLE}",
             )
-        self._notices = notices
+        self._notices, self._unseal = notices, unseal
         self._is_away = False
         # One machine and journal are one session.
         self._client_id = session_name(journal)
@@ -164,7 +173,8 @@ class MqttSource:
             content = parse_json(bytes(message.payload))
         except (MessageError, UnicodeDecodeError) as error:
             return [Unusable("", str(error))]
-        return parse_message(App.OWNTRACKS, content, Context(time.time(), "mqtt", agent))
+        context = Context(time.time(), "mqtt", agent, unseal=self._unseal)
+        return parse_message(App.OWNTRACKS, content, context)
 
 
 def require_paho(purpose: str) -> None:
