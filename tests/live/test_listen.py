@@ -109,7 +109,7 @@ def test_lines_that_wait_for_others_are_stored_before_the_end(tmp_path):
         (["--http", "0", "--token", "a\n"], 2, "a token has letters"),
         (["--nmea", "."], 1, "is a folder"),
         (["--topic", "/odom"], 2, "--topic needs --ros"),
-        (["--max-rate", "0"], 2, "0<x"),
+        (["--max-rate", "0"], 2, "not in the range x>0"),
         (["--owntracks-keys", "none"], 1, "can't be read"),
         (["--columns", "t,x,y"], 2, "name columns of the header"),
         (["--archive", "none/a.gpsz", "--rmse", "5m"], 1, "no such folder"),

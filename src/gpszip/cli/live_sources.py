@@ -25,7 +25,7 @@ _OPTIONS = (
     ),
     click.option(
         "--topic",
-        "topics",
+        "ros_topics",
         metavar="NAME",
         multiple=True,
         help="A topic of --ros; by default one of each robot; repeatable.",
@@ -52,14 +52,15 @@ _OPTIONS = (
         "--owntracks-keys",
         "keys",
         metavar="FILE",
-        help="File with the keys of encrypted messages of OwnTracks, one in each line.",
+        help="File with the keys of encrypted messages of OwnTracks, one in each line; or set "
+        "GPSZIP_OWNTRACKS_KEY to one key.",
     ),
     click.option(
         "--max-rate",
         metavar="NUMBER",
         type=click.FloatRange(min=0, min_open=True),
         default=500.0,
-        show_default=True,
+        show_default="500",
         help="Requests to --http of one sender in a second; faster ones have to come again.",
     ),
 )
@@ -90,12 +91,12 @@ def open_subscriptions(
     """Open the sources that were asked for."""
     # Robots, vehicles and boats.
     sources: list[FixSource] = []
-    if choices["topics"] and not choices["ros"]:
+    if choices["ros_topics"] and not choices["ros"]:
         raise click.UsageError("--topic needs --ros, the address of rosbridge")
     if choices["ros"]:
         from gpszip.live.sources.ros import RosSource
 
-        sources.append(RosSource(choices["ros"], choices["topics"], name, notices))
+        sources.append(RosSource(choices["ros"], choices["ros_topics"], name, notices))
     for address in choices["mavlink"]:
         from gpszip.live.sources.mavlink import open_mavlink
 
