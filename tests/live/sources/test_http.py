@@ -325,6 +325,44 @@ def test_who_comes_too_fast_is_told_when_to_come_again():
         connection.close()
 
 
+def day(rows):
+    """A table of a day as curl sends it, of 100 bytes a row."""
+    lines = [
+        f"{bodies.TIME + t},{48 + t / 1e6:.6f},11.5,519,12,270,5.0,9,gps,{'-' * 40}"
+        for t in range(rows)
+    ]
+    return "\n".join(
+        ["time,lat,lon,elevation,accuracy,bearing,speed,satellites,provider,x", *lines]
+    )
+
+
+def test_tables_may_be_larger_than_other_bodies(monkeypatch):
+    # Limits of a hundredth, so that this takes no time.
+    monkeypatch.setattr(http, "_MAX_BODY_BYTES", 20_000)
+    monkeypatch.setattr(http, "_MAX_TABLE_BYTES", 200_000)
+    table = day(600).encode()
+    assert len(table) > 40_000
+    with serving() as (port, taken):
+        assert request(port, "/gpslogger/ann", table) == (200, "OK")
+        assert [fix.time for fix in taken.fixes] == [bodies.TIME + t for t in range(600)]
+        assert {(fix.agent, fix.accuracy, fix.speed) for fix in taken.fixes} == {("ann", 12, 5)}
+        # In parts of any size, without a length.
+        taken.fixes.clear()
+        parts = iter([table[at : at + 7_001] for at in range(0, len(table), 7_001)])
+        chunked = request(port, "/ann", parts, transfer_encoding="chunked")
+        assert (chunked, len(taken.fixes)) == ((200, "[]"), 600)
+        # A text with commas is no table; neither is anything else so large.
+        assert request(port, "/gpslogger/ann", b"a,b\n" * 9_000) == (200, "OK")
+        assert request(port, "/gpslogger/ann", b"{" + table)[0] == 413
+        assert request(port, "/gpslogger/ann", b"x" * 30_000)[0] == 413
+        form = {"content_type": "application/x-www-form-urlencoded"}
+        assert request(port, "/gpslogger/ann", table, **form)[0] == 413
+        assert request(port, "/gpslogger/ann", table * 5)[0] == 413
+        # A disk that is full is told before the end; what is sent again is a repeat.
+        taken.full = 1
+        assert request(port, "/gpslogger/ann", table)[0] == 503
+
+
 def test_replay_waits_when_it_is_too_fast(tmp_path, capfd):
     from gpszip.cli.main import main
 

@@ -14,13 +14,13 @@ import hmac
 import math
 import socket
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl
 
-from gpszip.errors import MissingExtraError, OptionError, OutputError
+from gpszip.errors import InputError, MissingExtraError, OptionError, OutputError
 from gpszip.live.fix import Fix, Unusable
 from gpszip.live.formats.apps import App, app_of, parse_message
 from gpszip.live.formats.owntracks import agent_of_topic
@@ -39,6 +39,9 @@ __all__ = ["MAX_RATE", "HttpSource"]
 
 #: Bytes of a body; a batch of Overland has 600 kB at most.
 _MAX_BODY_BYTES = 2 << 20
+
+#: Bytes of a table or log, which is stored as it comes; one of a day at 1 Hz has 10 MB.
+_MAX_TABLE_BYTES = 256 << 20
 
 #: Bytes of a query.
 _MAX_QUERY_BYTES = 8_192
@@ -82,6 +85,10 @@ _ANSWERS = {
 
 #: The answer to what is of no app.
 _OTHER_ANSWER = ("application/json", b"[]")
+
+
+class _TooLargeError(Exception):
+    """A request that has more bytes than it may have."""
 
 
 @dataclass(frozen=True)
@@ -221,30 +228,41 @@ class HttpSource:
         from starlette.requests import ClientDisconnect
         from starlette.responses import PlainTextResponse, Response
 
-        # The body may be large, slow, or cut off.
+        # The body may be large, slow, or cut off. What follows of a table is stored as it comes.
+        chunks = _chunks(request)
         try:
             async with asyncio.timeout(_BODY_SECONDS):
-                body = await _read_body(request)
+                body, is_whole = await _read_body(chunks, _declared(headers))
+            message = _Message(_path(request), query, headers, body, user)
+            _check_size(request, message, is_whole=is_whole)
+            app = await self._store(message, None if is_whole else chunks, receiver)
         except (TimeoutError, ClientDisconnect):
             self._notices.note("requests that were not sent to their end left out")
             return PlainTextResponse("the body takes too long\n", 408)
-        if body is None or len(_query(request)) > _MAX_QUERY_BYTES:
+        except _TooLargeError:
             self._notices.note("requests that are too large refused")
             return PlainTextResponse(f"at most {_MAX_BODY_BYTES:,} bytes\n", 413)
-
-        # Store, and answer as the app expects.
-        message = _Message(_path(request), query, headers, body, user)
-        if len(body) > _LARGE_BYTES:
-            # A day's log takes a second, in which others are answered.
-            app, items = await asyncio.to_thread(self._parse, message)
-        else:
-            app, items = self._parse(message)
-        try:
-            await receiver.store(items)
         except OutputError:
             return PlainTextResponse("not stored; send it again\n", 503)
         kind, content = _ANSWERS[app] if app is not None else _OTHER_ANSWER
         return Response(content, media_type=kind)
+
+    async def _store(
+        self, message: _Message, more: AsyncIterator[bytes] | None, receiver: Receiver
+    ) -> App | None:
+        """Store what is in a message, and return the app that sent it."""
+        if more is not None:
+            app, agent = self._app_and_agent(message)
+            await _store_table(message.body, more, self._context(message, app, agent), receiver)
+            return app
+
+        # A day's log takes a second, in which others are answered.
+        if len(message.body) > _LARGE_BYTES:
+            app, items = await asyncio.to_thread(self._parse, message)
+        else:
+            app, items = self._parse(message)
+        await receiver.store(items)
+        return app
 
     def _report(self) -> dict[str, Any]:
         """What monitors get to know."""
@@ -268,11 +286,7 @@ class HttpSource:
 
     def _parse(self, message: _Message) -> tuple[App | None, list[Fix | Unusable]]:
         """Find the app that sent a message, and the fixes in it."""
-        # The path names the app, and the sender behind it: /osmand/ann.
-        name, _, agent = message.path.partition("/")
-        app = next((each for each in App if each.value == name.lower()), None)
-        if app is None and message.path:
-            agent = message.path
+        app, agent = self._app_and_agent(message)
         found: list[Fix | Unusable]
         try:
             context = self._context(message, app, agent)
@@ -280,6 +294,12 @@ class HttpSource:
         except MessageError as error:
             found = [Unusable("", str(error))]
         return app, found
+
+    def _app_and_agent(self, message: _Message) -> tuple[App | None, str]:
+        """Return what the path says: the app, and the sender behind it, as in /osmand/ann."""
+        name, _, agent = message.path.partition("/")
+        app = next((each for each in App if each.value == name.lower()), None)
+        return app, message.path if app is None else agent
 
     def _context(self, message: _Message, app: App | None, agent: str) -> Context:
         """What is known of the sender: its path, its user, what its headers or query say."""
@@ -339,18 +359,56 @@ def _with_topic(content: Any, context: Context, app: App) -> Context:
 
 
 def _parse_table(body: bytes, context: Context) -> list[Fix | Unusable]:
-    """Return the fixes of a table or log: GPSLogger sends its file of the day again and again."""
-    from gpszip.errors import InputError
-
+    """Return the fixes of a table or log: such files are sent again and again as they grow."""
     parser = TextParser(context.agent)
+    return _parse_lines(parser, body.splitlines(), context) + parser.finish(context)
+
+
+def _parse_lines(
+    parser: TextParser, lines: Iterable[bytes], context: Context
+) -> list[Fix | Unusable]:
+    """Return the fixes of lines; a text that is no table is of no app."""
     found: list[Fix | Unusable] = []
     try:
-        for line in body.splitlines():
+        for line in lines:
             found += parser.push(line, context)
-        found += parser.finish(context)
     except (InputError, OptionError):
         return [Unusable(context.agent, "messages of unknown apps left out")]
     return found
+
+
+async def _store_table(
+    first: bytes, more: AsyncIterator[bytes], context: Context, receiver: Receiver
+) -> None:
+    """Store a table that is larger than other bodies may be, as it comes.
+
+    What is stored when it breaks off stays; whoever sends it again repeats that, which is left out.
+
+    Raises
+    ------
+    OutputError
+        If a part can't be stored.
+    """
+    parser = TextParser(context.agent)
+    chunk, rest, size = first, b"", 0
+    while chunk:
+        size += len(chunk)
+        if size > _MAX_TABLE_BYTES:
+            raise _TooLargeError
+        *lines, rest = (rest + chunk).split(b"\n")
+        rest = rest[:_LARGE_BYTES]
+        await receiver.store(await asyncio.to_thread(_parse_lines, parser, lines, context))
+        chunk = await _next_chunk(more)
+
+    # The last line may have no end.
+    last = _parse_lines(parser, [rest], context)
+    await receiver.store(last + parser.finish(context))
+
+
+async def _next_chunk(chunks: AsyncIterator[bytes]) -> bytes:
+    """Return the next bytes of a body, none at its end."""
+    async with asyncio.timeout(_BODY_SECONDS):
+        return await anext(chunks, b"")
 
 
 def _sender(
@@ -405,24 +463,46 @@ def _basic(credentials: str) -> tuple[str, str]:
 
 def _is_large(headers: Mapping[str, str]) -> bool:
     """Whether a body may be large: it says so, or does not say how large it is."""
-    declared = headers.get("content-length", "")
-    return "transfer-encoding" in headers or (
-        declared.isdecimal() and int(declared[:20]) > _LARGE_BYTES
-    )
+    return "transfer-encoding" in headers or _declared(headers) > _LARGE_BYTES
 
 
-async def _read_body(request: Request) -> bytes | None:
-    """Return the body; None if it is too large."""
-    declared = request.headers.get("content-length", "0")
-    if declared.isdecimal() and int(declared[:20]) > _MAX_BODY_BYTES:
-        return None
-    chunks, size = [], 0
+def _declared(headers: Mapping[str, str]) -> int:
+    """Bytes that a body has, as far as its headers say so."""
+    text = headers.get("content-length", "")
+    return int(text[:20]) if text.isdecimal() else 0
+
+
+def _check_size(request: Request, message: _Message, *, is_whole: bool) -> None:
+    """Refuse a query or a body that is too large."""
+    if len(_query(request)) > _MAX_QUERY_BYTES or not (is_whole or _is_table(message)):
+        raise _TooLargeError
+
+
+def _is_table(message: _Message) -> bool:
+    """Whether a body is a table or log, as far as its beginning and its header show."""
+    line = message.body.strip().partition(b"\n")[0]
+    is_form = "form-urlencoded" in message.headers.get("content-type", "")
+    if is_form or line[:1] in (b"{", b"[") or b"=" in line:
+        return False
+    return line[:1] == b"$" or any(separator in line for separator in (b",", b";", b"\t", b"|"))
+
+
+async def _chunks(request: Request) -> AsyncIterator[bytes]:
+    """Yield the parts of a body that have bytes."""
     async for chunk in request.stream():
+        if chunk:
+            yield chunk
+
+
+async def _read_body(chunks: AsyncIterator[bytes], declared: int) -> tuple[bytes, bool]:
+    """Return the body, or its beginning if it is too large, and whether it is whole."""
+    parts, size = [], 0
+    async for chunk in chunks:
         size += len(chunk)
-        if size > _MAX_BODY_BYTES:
-            return None
-        chunks.append(chunk)
-    return b"".join(chunks)
+        parts.append(chunk)
+        if max(size, declared) > _MAX_BODY_BYTES:
+            return b"".join(parts), False
+    return b"".join(parts), True
 
 
 def _bind(host: str, port: int) -> socket.socket:
