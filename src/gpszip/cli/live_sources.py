@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 __all__ = ["open_subscriptions", "owntracks_keys", "subscription_options"]
 
+#: Letters of --name at most: agents have 100, some with the number of a system.
+_MAX_NAME_LETTERS = 90
+
 #: Variable of the environment with the key of encrypted messages of OwnTracks.
 KEY_VARIABLE = "GPSZIP_OWNTRACKS_KEY"
 
@@ -89,6 +92,10 @@ def open_subscriptions(
     choices: Mapping[str, Any], name: str, notices: Notices, timezone: tzinfo
 ) -> list[FixSource]:
     """Open the sources that were asked for."""
+    # Messages of an agent whose name can't be one would all be left out.
+    if len(name) > _MAX_NAME_LETTERS or not name.isprintable():
+        raise click.UsageError(f"--name: give at most {_MAX_NAME_LETTERS} letters and signs")
+
     # Robots, vehicles and boats.
     sources: list[FixSource] = []
     if choices["ros_topics"] and not choices["ros"]:

@@ -16,7 +16,6 @@ from typing import Any
 from gpszip.errors import InputError, MissingExtraError, OptionError
 from gpszip.live.fix import Fix, Unusable
 from gpszip.live.formats.mavlink import MavlinkParser
-from gpszip.live.formats.values import MessageError, clean_name
 from gpszip.live.notices import Notices
 from gpszip.live.source import FixSource, Receiver
 from gpszip.live.sources.connection import connected_chunks, split_url
@@ -74,10 +73,6 @@ def open_mavlink(text: str, name: str, notices: Notices) -> FixSource:
         If the device can't be opened.
     """
     require_pymavlink("--mavlink")
-    try:
-        clean_name(f"{name}-255")
-    except MessageError as error:
-        raise OptionError(f"--name: {error}", remedy="give a shorter name") from None
     address, local, rest = text.partition(_LOCAL)
     parser = MavlinkParser(name or "mavlink", notices, local=bool(local))
     if "://" not in address:

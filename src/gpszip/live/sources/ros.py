@@ -13,7 +13,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from gpszip.errors import OptionError
 from gpszip.live.fix import Fix, Marks, Unusable
 from gpszip.live.formats.ros import (
     ROS_TYPES,
@@ -87,11 +86,6 @@ class RosSource:
         self._name, self._notices = name or _DEFAULT_NAME, notices
         self._agents: dict[str, str] = {}
         self._frames: dict[str, str] = {}
-        # A name that can't be one is told before anything is opened.
-        try:
-            clean_name(self._name)
-        except MessageError as error:
-            raise OptionError(f"--name: {error}", remedy="give a shorter name") from None
 
     async def run(self, receiver: Receiver) -> None:
         """Store positions until the task is cancelled."""

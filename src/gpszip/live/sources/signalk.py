@@ -15,7 +15,7 @@ from urllib.parse import SplitResult, parse_qsl, urlencode, urlsplit
 from gpszip.errors import OptionError
 from gpszip.live.fix import Fix, Unusable
 from gpszip.live.formats.signalk import SIGNALK_PATHS, SignalKParser
-from gpszip.live.formats.values import Context, MessageError, clean_name, member, parse_json
+from gpszip.live.formats.values import Context, MessageError, member, parse_json
 from gpszip.live.notices import Notices
 from gpszip.live.source import Receiver
 from gpszip.live.sources.batches import batches_of
@@ -80,10 +80,6 @@ class SignalKSource:
             )
         self._context = _CONTEXTS[vessels]
         self._query = urlencode({"subscribe": "none", **fields})
-        try:
-            clean_name(name, "self")
-        except MessageError as error:
-            raise OptionError(f"--name: {error}", remedy="give a shorter name") from None
 
     async def run(self, receiver: Receiver) -> None:
         """Store positions until the task is cancelled."""
