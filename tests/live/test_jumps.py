@@ -21,10 +21,11 @@ def check(fixes, screen=None):
 @given(
     st.lists(st.floats(-9.9, 9.9), min_size=1, max_size=30),
     st.sampled_from([0.02, 0.1, 1.0, 5.0]),
+    st.floats(0, 300),
 )
-def test_whoever_accelerates_with_less_than_1_g_never_jumps(accelerations, seconds):
+def test_whoever_accelerates_with_less_than_1_g_never_jumps(accelerations, seconds, speed):
     # Between two fixes, speeds change by 10 m/s at most, whatever the interval.
-    x = speed = 0.0
+    x = 0.0
     fixes = [fix(0.0, 0.0)]
     for number, acceleration in enumerate(accelerations, 1):
         gain = max(min(acceleration * seconds, 9.9), -9.9)
@@ -34,9 +35,12 @@ def test_whoever_accelerates_with_less_than_1_g_never_jumps(accelerations, secon
     assert not any(check(fixes))
 
 
-@given(st.floats(1.6, 1e6), st.sampled_from([-1, 1]))
-def test_corrections_of_a_map_are_breaks_and_speed_is_not_learned_from_them(metres, sign):
-    fixes = [fix(t / 10, t / 10 + (sign * (metres + 1) if t >= 5 else 0)) for t in range(10)]
+@given(st.floats(1.6, 1e6), st.floats(0, 60))
+def test_corrections_of_a_map_are_breaks_and_speed_is_not_learned_from_them(metres, speed):
+    fixes = [fix(t / 10, speed * t / 10 + (metres if t >= 5 else 0)) for t in range(10)]
+    assert check(fixes) == [t == 5 for t in range(10)]
+    # Backwards, what was travelled counts against it.
+    fixes = [fix(t / 10, speed * t / 10 - (metres + speed / 5 if t >= 5 else 0)) for t in range(10)]
     assert check(fixes) == [t == 5 for t in range(10)]
 
 
@@ -49,10 +53,19 @@ def test_degrees_do_not_jump_and_agents_are_told_apart():
 def test_a_fix_that_comes_again_is_the_same_break():
     # A disk that was full for a while.
     screen = Screen(Notices(str))
-    fixes = [fix(0.0, 0.0), fix(0.1, 50.0), fix(0.2, 50.1), fix(0.3, 0.0)]
-    assert check(fixes, screen) == check(fixes, screen) == [False, True, False, True]
+    fixes = [fix(t / 10, x) for t, x in enumerate([0.0, 0.1, 50.0, 50.1, 0.0])]
+    expected = [False, False, True, False, True]
+    assert check(fixes, screen) == expected
+    assert check(fixes, screen) == expected
     # A source may know of a break, however small.
-    assert check([fix(0.4, 0.0, quality="break")], screen) == [True]
+    assert check([fix(0.5, 0.0, quality="break")], screen) == [True]
+
+
+def test_the_first_move_says_how_fast_an_agent_is():
+    assert check([fix(0.0, 0.0), fix(1.0, 250.0), fix(2.0, 500.0), fix(3.0, 900.0)]) == [
+        *[False] * 3,
+        True,
+    ]
 
 
 def test_what_was_stored_before_counts():

@@ -6,6 +6,7 @@ elsewhere at once. Such a fix is marked, so that no way is made of the jump.
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict, deque
 from dataclasses import dataclass, field
 
@@ -32,10 +33,10 @@ _TIMES_KEPT = 8
 
 @dataclass(slots=True)
 class _State:
-    """What is known of an agent."""
+    """What is known of an agent; the speed of one that has not moved yet is unknown."""
 
     last: Fix
-    speed: float = 0.0
+    speed: float | None = None
     times: deque[float] = field(default_factory=lambda: deque(maxlen=_TIMES_KEPT))
 
 
@@ -73,7 +74,7 @@ class Jumps:
             return
         state = self._states.pop(fix.agent, None) or _State(fix)
         seconds = fix.time - state.last.time
-        state.speed = distance(state.last, fix) / seconds if seconds > 0 else 0.0
+        state.speed = distance(state.last, fix) / seconds if seconds > 0 else fix.speed
         state.last = fix
 
         # Of too many, the one unused for longest goes.
@@ -100,17 +101,22 @@ class Jumps:
 
         # Compare with the way that can have been travelled; the source may know of a break.
         metres = distance(state.last, fix)
-        reach = (state.speed + min(_ACCELERATION * seconds / 2, _MAX_GAIN)) * seconds
-        is_jump = Marks.BREAK in fix.quality or metres > _TOLERANCE + reach
         state.last = fix
-        if is_jump:
+        if Marks.BREAK in fix.quality or metres > _reach(state.speed, seconds):
+            # The speed is that of before: a correction makes nobody faster.
             state.times.append(fix.time)
-            state.speed = fix.speed or 0.0
             event = "positions that jumped, taken as a break"
             self._notices.note(event, fix.agent, f"{metres:.1f} m")
             return _marked(fix)
         state.speed = max(metres / seconds, fix.speed or 0.0)
         return fix
+
+
+def _reach(speed: float | None, seconds: float) -> float:
+    """Metres that an agent of a speed may get in some seconds; any if its speed isn't known."""
+    if speed is None:
+        return math.inf
+    return _TOLERANCE + (speed + min(_ACCELERATION * seconds / 2, _MAX_GAIN)) * seconds
 
 
 def _marked(fix: Fix) -> Fix:

@@ -202,7 +202,8 @@ def test_health_and_what_was_told(server):
 
 
 def test_tokens(tmp_path):
-    with listening(tmp_path, "--http", "127.0.0.1:0", "--token", "s3cret") as listener:
+    options = ["--http", "127.0.0.1:0", "--token", "s3cret", "--max-rate", "0.5"]
+    with listening(tmp_path, *options) as listener:
         body = bodies.owntracks()
         right = base64.b64encode(b"ann:s3cret").decode()
         wrong = base64.b64encode(b"ann:secret").decode()
@@ -220,6 +221,10 @@ def test_tokens(tmp_path):
         body = bodies.owntracks(topic="owntracks/bob/phone")
         assert request(listener.port, "/owntracks", body, authorization=f"Basic {right}")[0] == 200
         assert [fix.agent for fix in stored(tmp_path)] == ["ann/phone", "ann"]
+        # Five requests of each sender at once; whoever has no token is none.
+        path = "/owntracks?u=ann&token=s3cret"
+        codes = [request(listener.port, path, body)[0] for _ in range(6)]
+        assert codes == [200] * 5 + [429]
         assert request(listener.port, "/health")[0] == 200
         assert listener.end() == 0
 

@@ -205,7 +205,7 @@ def test_a_robot_that_goes_away_and_comes_back(monkeypatch):
                 await until(lambda: len(taken.fixes) == 2)
 
     finish(again())
-    assert "127.0.0.1: connected again" in taken.lines
+    assert "rosbridge at 127.0.0.1: connected again" in taken.lines
     assert "no topic with positions yet" in " ".join(taken.lines)
 
 
@@ -217,7 +217,7 @@ def test_a_message_that_is_too_large_ends_the_connection_and_no_more(monkeypatch
         async with serving(bridge) as port:
             source = RosSource(f"ws://127.0.0.1:{port}", ["/r/p"], "", taken.notices)
             async with running(source, taken):
-                await until(lambda: "127.0.0.1: connected again" in taken.lines)
+                await until(lambda: "rosbridge at 127.0.0.1: connected again" in taken.lines)
 
     taken = Taken()
     finish(run())

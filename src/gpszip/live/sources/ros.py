@@ -80,7 +80,7 @@ class RosSource:
     def __init__(self, text: str, topics: Sequence[str], name: str, notices: Notices) -> None:
         require_websockets("--ros")
         url = split_url(text, "--ros", ("ws", "wss"), _EXAMPLE)
-        self._host = url.hostname or ""
+        self._server = f"rosbridge at {url.hostname}"
         self._url = text if url.port else url._replace(netloc=f"{url.netloc}:{_PORT}").geturl()
         self._topics = ["/" + topic.strip("/") for topic in topics]
         self._name, self._notices = name or _DEFAULT_NAME, notices
@@ -93,7 +93,7 @@ class RosSource:
         async def talk(connection: ClientConnection) -> None:
             await self._talk(connection, receiver)
 
-        await keep_connected(self._find_url, self._host, self._notices, talk)
+        await keep_connected(self._find_url, self._server, self._notices, talk)
 
     async def _find_url(self) -> str:
         return self._url
@@ -144,9 +144,9 @@ class RosSource:
         try:
             message = parse_json(text, lambda _name: None)
         except MessageError as error:
-            return [Unusable(self._host, str(error))]
+            return [Unusable(self._server, str(error))]
         if not isinstance(message, Mapping):
-            return [Unusable(self._host, "messages that are no object of JSON left out")]
+            return [Unusable(self._server, "messages that are no object of JSON left out")]
 
         # A position, the list of topics, or what rosbridge has to say.
         kind = message.get("op")
@@ -156,9 +156,9 @@ class RosSource:
             await self._choose(connection, message)
         elif kind == "status" and message.get("level") in ("error", "warning"):
             shown = str(message.get("msg"))
-            self._notices.note("rosbridge reports a problem", self._host, shown)
+            self._notices.note("rosbridge reports a problem", self._server, shown)
         elif kind not in ("status", "service_response"):
-            return [Unusable(self._host, "messages of rosbridge other than publish left out")]
+            return [Unusable(self._server, "messages of rosbridge other than publish left out")]
         return []
 
     def _parse(self, message: Mapping[str, Any], received: float) -> Fix | Unusable:
@@ -166,7 +166,7 @@ class RosSource:
         topic = message.get("topic")
         agent = self._agents.get(topic) if isinstance(topic, str) else None
         if agent is None or not isinstance(topic, str):
-            return Unusable(self._host, "messages of topics that were not asked for left out")
+            return Unusable(self._server, "messages of topics that were not asked for left out")
         content = message.get("msg")
         fix = parse_ros(content, Context(received, "ros", agent))
 
@@ -185,11 +185,11 @@ class RosSource:
         topics, types = values.get("topics"), values.get("types")
         if not isinstance(topics, list) or not isinstance(types, list):
             event = "topics can't be listed; start rosapi, or name them with --topic"
-            self._notices.note(event, self._host)
+            self._notices.note(event, self._server)
             return
         chosen = choose_topics(topics[:_MAX_LISTED], types, self._name)
         if not chosen:
-            self._notices.note("no topic with positions yet", self._host)
+            self._notices.note("no topic with positions yet", self._server)
         await self._subscribe(connection, chosen)
 
 

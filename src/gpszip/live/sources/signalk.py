@@ -67,7 +67,7 @@ class SignalKSource:
     def __init__(self, text: str, name: str, notices: Notices) -> None:
         require_websockets("--signalk")
         self._url = split_url(text, "--signalk", ("ws", "wss", "http", "https"), _EXAMPLE)
-        self._host = self._url.hostname or ""
+        self._server = f"Signal K at {self._url.hostname}"
         self._name, self._notices = name, notices
 
         # What isn't for the server.
@@ -94,7 +94,7 @@ class SignalKSource:
                     found += _parse(parser, text, context)
                 await store_patiently(receiver, found)
 
-        await keep_connected(self._find_url, self._host, self._notices, talk)
+        await keep_connected(self._find_url, self._server, self._notices, talk)
 
     def _subscription(self) -> dict[str, Any]:
         paths = [{"path": path, "policy": "instant"} for path in SIGNALK_PATHS]
