@@ -4,23 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections import deque
+from collections.abc import AsyncIterator, Awaitable, Callable, Sized
 from typing import Generic, TypeVar
 
 __all__ = ["batches_of"]
 
-T = TypeVar("T")
+T = TypeVar("T", bound=Sized)
 
-#: Messages that wait while others are stored. While so many do, none are read, so that the sender
-#: has to wait, too.
+#: Messages that wait while others are stored, and their bytes. While so many do, none are read, so
+#: that the sender has to wait, too.
 _MAX_WAITING = 2_000
-
-
-class _End(Generic[T]):
-    """What follows the last message: the reason why there are no more."""
-
-    def __init__(self, error: Exception) -> None:
-        self.error = error
+_MAX_BYTES = 8 << 20
 
 
 async def batches_of(read: Callable[[], Awaitable[T]]) -> AsyncIterator[list[T]]:
@@ -38,7 +33,7 @@ async def batches_of(read: Callable[[], Awaitable[T]]) -> AsyncIterator[list[T]]
 
     Examples
     --------
-    >>> left = [2, 1]
+    >>> left = ["b", "a"]
     >>> async def read():
     ...     return left.pop()
     >>> async def run():
@@ -48,38 +43,54 @@ async def batches_of(read: Callable[[], Awaitable[T]]) -> AsyncIterator[list[T]]
     Traceback (most recent call last):
     IndexError: pop from empty list
     """
-    queue: asyncio.Queue[T | _End[T]] = asyncio.Queue(_MAX_WAITING)
-
-    async def fill() -> None:
-        try:
-            while True:
-                await queue.put(await read())
-        except Exception as error:
-            await queue.put(_End(error))
-
-    # Wait for a message, and take what else is there.
-    filling = asyncio.create_task(fill())
+    waiting = _Waiting[T]()
+    filling = asyncio.create_task(waiting.fill(read))
     try:
         while True:
-            batch, end = _take(await queue.get(), queue)
+            batch = await waiting.take()
             if batch:
                 yield batch
-            if end is not None:
-                raise end.error
+            elif waiting.end is not None:
+                raise waiting.end
     finally:
         filling.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await filling
 
 
-def _take(first: T | _End[T], queue: asyncio.Queue[T | _End[T]]) -> tuple[list[T], _End[T] | None]:
-    """Return the messages that are there, and the end if it is."""
-    batch: list[T] = []
-    item = first
-    while True:
-        if isinstance(item, _End):
-            return batch, item
-        batch.append(item)
-        if queue.empty():
-            return batch, None
-        item = queue.get_nowait()
+class _Waiting(Generic[T]):
+    """Messages that wait, and why there are no more after them."""
+
+    def __init__(self) -> None:
+        self.end: Exception | None = None
+        self._messages: deque[T] = deque()
+        self._bytes = 0
+        self._changed = asyncio.Condition()
+
+    async def fill(self, read: Callable[[], Awaitable[T]]) -> None:
+        """Read until that fails; while too many messages wait, none is read."""
+        try:
+            while True:
+                message = await read()
+                async with self._changed:
+                    self._messages.append(message)
+                    self._bytes += len(message)
+                    self._changed.notify_all()
+                    await self._changed.wait_for(self._has_space)
+        except Exception as error:
+            async with self._changed:
+                self.end = error
+                self._changed.notify_all()
+
+    async def take(self) -> list[T]:
+        """Wait for messages, and return all; none after the last."""
+        async with self._changed:
+            await self._changed.wait_for(lambda: self._messages or self.end is not None)
+            taken = list(self._messages)
+            self._messages.clear()
+            self._bytes = 0
+            self._changed.notify_all()
+            return taken
+
+    def _has_space(self) -> bool:
+        return len(self._messages) < _MAX_WAITING and self._bytes < _MAX_BYTES

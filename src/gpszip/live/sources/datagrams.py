@@ -10,8 +10,10 @@ from gpszip.live.notices import Notices
 
 __all__ = ["Datagrams"]
 
-#: Datagrams that wait to be stored; of more, the oldest go, as UDP has no other way.
+#: Datagrams that wait to be stored, and their bytes; of more, the oldest go, as UDP has no other
+#: way.
 _MAX_WAITING = 10_000
+_MAX_BYTES = 16 << 20
 
 #: A datagram, and host and port of its sender.
 Datagram = tuple[bytes, tuple[str, int]]
@@ -29,6 +31,7 @@ class Datagrams(asyncio.DatagramProtocol):
     def __init__(self, notices: Notices) -> None:
         self._notices = notices
         self._queue: asyncio.Queue[Datagram] = asyncio.Queue()
+        self._bytes = 0
         self._transport: asyncio.DatagramTransport | None = None
 
     @classmethod
@@ -74,6 +77,7 @@ class Datagrams(asyncio.DatagramProtocol):
         waiting = [await self._queue.get()]
         while not self._queue.empty():
             waiting.append(self._queue.get_nowait())
+        self._bytes = 0
         return waiting
 
     def send(self, data: bytes) -> None:
@@ -88,7 +92,10 @@ class Datagrams(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: tuple[str | Any, int]) -> None:
         """Take a datagram."""
-        if self._queue.qsize() >= _MAX_WAITING:
-            self._queue.get_nowait()
+        self._bytes += len(data)
+        while self._queue.qsize() >= _MAX_WAITING or (
+            self._bytes > _MAX_BYTES and not self._queue.empty()
+        ):
+            self._bytes -= len(self._queue.get_nowait()[0])
             self._notices.note("datagrams lost, as they came faster than they were stored")
         self._queue.put_nowait((data, (str(addr[0]), int(addr[1]))))
