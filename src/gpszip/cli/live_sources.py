@@ -62,8 +62,8 @@ _OPTIONS = (
         "--max-rate",
         metavar="NUMBER",
         type=click.FloatRange(min=0, min_open=True),
-        default=500.0,
-        show_default="500",
+        default=1_000.0,
+        show_default="1000",
         help="Requests to --http of one sender in a second; faster ones have to come again.",
     ),
 )

@@ -80,6 +80,10 @@ def test_one_source_counts_until_it_is_lost():
     messages = [delta(SELF, at(1.0), source={})] + [delta(SELF, at(t)) for t in range(2, 16)]
     fixes, _ = parse(*messages)
     assert [fix.position[0] for fix in fixes] == [1, 12, 13, 14, 15]
+    # So it is by the times of positions, such as those of a log that is played faster.
+    messages = [delta(SELF, at(1.0), source="b"), delta(SELF, at(2.0), seconds=11)]
+    fixes, _ = parse(*messages, delta(SELF, at(3.0), source="b", seconds=12))
+    assert [fix.position[0] for fix in fixes] == [1, 2]
 
 
 def test_speed_and_course_are_those_of_the_source_and_not_old():

@@ -104,7 +104,8 @@ class MavlinkParser:
         if isinstance(fix, Unusable) or (fix.position == (0.0, 0.0) and fix.geographic):
             return [fix]
         rank = 2 * rank + (key[1] != _AUTOPILOT)
-        if not self._choice.takes(context.agent, f"{kind} of {key[1]}", rank, received):
+        source = f"{kind} of {key[1]}"
+        if not self._choice.takes(context.agent, source, rank, fix.time, received):
             self._notices.count("positions of a second source of one system left out")
             return []
         return [self._with_break(fix, message, key) if kind == "ODOMETRY" else fix]

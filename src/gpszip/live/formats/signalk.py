@@ -146,7 +146,9 @@ class SignalKParser:
             heading=state.course if context.received - state.course_at < _MAX_AGE else None,
             speed=state.speed if context.received - state.speed_at < _MAX_AGE else None,
         )
-        if isinstance(fix, Fix) and not self._choice.takes(agent, source, 0, context.received):
+        if isinstance(fix, Fix) and not self._choice.takes(
+            agent, source, 0, fix.time, context.received
+        ):
             self._notices.count("positions of a second source of one vessel left out")
             return []
         return [fix]

@@ -143,7 +143,7 @@ def split_url(text: str, option: str, schemes: tuple[str, ...], example: str) ->
     """
     try:
         url = urlsplit(text)
-        if url.scheme in schemes and (url.hostname or url.scheme == "udp"):
+        if url.scheme in schemes and (url.hostname or url.scheme in ("udp", "udpin")):
             # A port that is none raises.
             _ = url.port
             return url

@@ -63,7 +63,7 @@ _HEAD_SECONDS = 30.0
 _PAUSE_SECONDS = 0.5
 
 #: Requests of one sender in a second. Apps send one after the other, and none comes near it.
-MAX_RATE = 500.0
+MAX_RATE = 1_000.0
 
 #: Letters of each part of what tells senders apart.
 _MAX_SENDER_LETTERS = 100

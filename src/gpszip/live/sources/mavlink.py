@@ -55,7 +55,7 @@ def open_mavlink(text: str, name: str, notices: Notices) -> FixSource:
     Parameters
     ----------
     text : str
-        ``udp://[HOST]:PORT`` to listen at, ``udpout://HOST:PORT`` to ask a server,
+        ``udp://[HOST]:PORT`` or ``udpin://`` to listen at, ``udpout://HOST:PORT`` to ask a server,
         ``tcp://HOST:PORT`` to connect to, or a path; ``?frame=local`` behind it for positions in
         metres.
     name : str
@@ -79,7 +79,7 @@ def open_mavlink(text: str, name: str, notices: Notices) -> FixSource:
         return _DeviceSource(text if rest else address, parser, notices)
 
     # A network.
-    url = split_url(address, "--mavlink", ("udp", "udpout", "tcp"), _EXAMPLE)
+    url = split_url(address, "--mavlink", ("udp", "udpin", "udpout", "tcp"), _EXAMPLE)
     if url.query or rest:
         raise OptionError(f"--mavlink {text}: no such choice", remedy=f"add {_LOCAL}, or nothing")
     host = url.hostname or "0.0.0.0"
