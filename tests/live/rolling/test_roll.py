@@ -350,6 +350,15 @@ def test_no_way_is_made_of_a_break(tmp_path):
         assert np.abs(found[:, 0] - (x + times - begin)).max() <= 0.501
         assert np.isnan(archive.position(name, [begin - 0.5, end + 0.5])).all()
 
+    # A late fix from after the first break is no way from before it.
+    late = Fix("r", "test", 25.5, 90.0, (503.0, 0.0), geographic=False)
+    report = roll_in(tmp_path, [late, *robot(80, 1, 20.0)], options)
+    assert (report.fixes, report.late) == (2, 2)
+    archive = gpszip.open(tmp_path / "a.gpsz")
+    assert archive.position("r (5)", [25.5])[0, 0] == pytest.approx(503.0, abs=0.501)
+    assert np.isnan(archive.position("r", [19.5])).all()
+    assert archive.position("r (4)", [80.0])[0, 0] == pytest.approx(20.0, abs=0.501)
+
 
 def test_too_many_breaks_begin_no_tracks(tmp_path, monkeypatch):
     from gpszip.live.rolling import archives

@@ -218,7 +218,11 @@ def assign_parts(
     first, *broken = fixes.runs(_MAX_BROKEN_PARTS - len(ends))
     if first.breaks[0] and len(ends) < _MAX_BROKEN_PARTS:
         first, broken = first.take(slice(0)), [first, *broken]
-    for name in sorted(ends, key=lambda name: -ends[name]):
+    order = sorted(ends, key=lambda name: -ends[name])
+    if archive.grid.plane is None:
+        # In metres, breaks may lie between the end of an earlier track and a late fix.
+        order = order[:1]
+    for name in order:
         after = first.times > ends[name] + max(margin, 2 * TIME_SLACK)
         if after.any() and name not in taken:
             parts[name] = first.take(after)
