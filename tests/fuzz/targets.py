@@ -943,6 +943,74 @@ def _live_messages() -> list[bytes]:
     return [b"\n".join([*messages, report])]
 
 
+def _live_servers(data: bytes) -> object:
+    """Read lines as messages of rosbridge, of Signal K, and of Kafka."""
+    from gpszip.live.formats.ros import frame_of, parse_ros
+    from gpszip.live.formats.signalk import SignalKParser
+    from gpszip.live.formats.values import Context, MessageError, parse_json
+    from gpszip.live.notices import Notices
+    from gpszip.live.screening import Screen
+
+    parser, context = SignalKParser("", Notices(str)), Context(1.8e9, "a", "b")
+    found = []
+    for line in data.splitlines():
+        try:
+            message = parse_json(line, lambda _name: None)
+        except MessageError:
+            continue
+        found += [*parser.parse(message, context), parse_ros(message, context)]
+        if isinstance(message, dict):
+            found.append(parse_ros(message.get("msg"), context))
+        frame_of(message)
+    screen = Screen(Notices(str))
+    return [screen.check(item) for item in found if hasattr(item, "position")]
+
+
+def _live_server_messages() -> list[bytes]:
+    """Messages of rosbridge and Signal K, one on each line."""
+    from gpszip.live.replay.messages import Sample, ros_message, signalk_delta
+
+    samples = [Sample("ann", 1.795e9 + t, 48.1 + t / 1e4, 11.5) for t in range(3)]
+    pose = (
+        b'{"header":{"stamp":{"sec":7,"nanosec":5},"frame_id":"map"},"pose":{"pose":{"position":'
+        b'{"x":1.0,"y":2.0},"orientation":{"x":0,"y":0,"z":0,"w":1}},"covariance":[0.1]},'
+        b'"twist":{"twist":{"linear":{"x":3,"y":4}}}}'
+    )
+    delta = (
+        b'{"context":"vessels.self","updates":[{"source":{"label":"a"},"values":[{"path":'
+        b'"navigation.speedOverGround","value":5}]}]}'
+    )
+    return [b"\n".join([*map(ros_message, samples), *map(signalk_delta, samples), pose, delta])]
+
+
+def _mavlink(data: bytes) -> object:
+    """Read the bytes of a link of MAVLink."""
+    from gpszip.live.formats.mavlink import MavlinkParser
+    from gpszip.live.notices import Notices
+    from gpszip.live.sources.mavlink import Packets
+
+    return [
+        Packets(MavlinkParser("a", Notices(str), local=local)).push(data, 1.8e9)
+        for local in (False, True)
+    ]
+
+
+def _mavlink_links() -> list[bytes]:
+    from importlib.util import find_spec
+
+    if find_spec("pymavlink") is None:
+        return [b""]
+    from pymavlink.dialects.v20 import common
+
+    link = common.MAVLink(None, 1, 1)
+    messages = [
+        link.system_time_encode(1_795_000_000_000_000, 5_000),
+        link.global_position_int_encode(6_000, 481_000_000, 115_000_000, 0, 0, 1, 2, 3, 4),
+        link.local_position_ned_encode(7_000, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
+    ]
+    return [b"".join(message.pack(link) for message in messages)]
+
+
 def _segment(data: bytes) -> object:
     """Read a segment of a journal."""
     from gpszip.live.journal import read_segment
@@ -1002,6 +1070,8 @@ TARGETS = {
     "live lines": Target(_live_lines, _texts(CSV[:1])),
     "live nmea": Target(_live_lines, _texts(NMEA)),
     "live messages": Target(_live_lines, _live_messages),
+    "live servers": Target(_live_servers, _live_server_messages),
+    "live mavlink": Target(_mavlink, _mavlink_links, mutations.BINARY),
     "journal": Target(_segment, _journal_segments),
     "owntracks": Target(_log("owntracks", keep=("speed",), sort=True), _texts(OWNTRACKS)),
     "igc": Target(_log("igc", keep=("alt", "fxa"), sort=True), _texts(IGC)),

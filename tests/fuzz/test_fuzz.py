@@ -22,6 +22,7 @@ _SHARE = st.floats(0, 1, exclude_max=True)
 
 #: Targets that read a file or a stream by its name; others get text or bytes alone.
 WITHOUT_FILES = ("archive", "exact logs", "times in text", "walks")
+WITHOUT_FILES += ("live servers", "live mavlink")
 TARGETS_WITH_FILES = [name for name in TARGETS if not name.startswith(WITHOUT_FILES)]
 
 

@@ -109,6 +109,11 @@ def test_lines_that_wait_for_others_are_stored_before_the_end(tmp_path):
         (["--http", "0", "--token", ""], 2, "a token has letters"),
         (["--http", "0", "--token", "a\n"], 2, "a token has letters"),
         (["--nmea", "."], 1, "is a folder"),
+        (["--topic", "/odom"], 2, "--topic needs --ros"),
+        (["--max-rate", "0"], 2, "not in the range x>0"),
+        (["--owntracks-keys", "none"], 1, "can't be read"),
+        (["--name", "x" * 91], 2, "give at most 90 letters"),
+        (["--name", "a\nb"], 2, "give at most 90 letters"),
         (["--columns", "t,x,y"], 2, "name columns of the header"),
         (["--archive", "none/a.gpsz", "--rmse", "5m"], 1, "no such folder"),
     ],
@@ -279,11 +284,28 @@ def test_a_broker_that_is_off_is_told(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("package", "options"),
-    [("starlette", ["--http", "0"]), ("paho.mqtt.client", ["--mqtt", "mqtt://127.0.0.1"])],
+    ("package", "extra", "options"),
+    [
+        ("starlette", "live", ["--http", "0"]),
+        ("paho.mqtt.client", "live", ["--mqtt", "mqtt://127.0.0.1"]),
+        ("websockets.asyncio.client", "live", ["--ros", "ws://127.0.0.1"]),
+        ("websockets.asyncio.client", "live", ["--signalk", "ws://127.0.0.1"]),
+        ("pymavlink.dialects.v20.common", "mavlink", ["--mavlink", "udp://:14550"]),
+        ("aiokafka", "kafka", ["--kafka", "127.0.0.1/places"]),
+    ],
 )
-def test_a_missing_extra_is_named(listen, monkeypatch, package, options):
+def test_a_missing_extra_is_named(listen, monkeypatch, package, extra, options):
     monkeypatch.setitem(sys.modules, package, None)
     code, told = listen("", *options)
     assert code == 1
-    assert f"{options[0]} needs the extra 'live': pip install 'gpszip[live]'" in told.err
+    assert f"{options[0]} needs the extra '{extra}': pip install 'gpszip[{extra}]'" in told.err
+
+
+def test_a_key_of_the_environment_needs_its_extra_and_is_not_shown(listen, monkeypatch):
+    monkeypatch.setenv("GPSZIP_OWNTRACKS_KEY", "s3cret" * 9)
+    pytest.importorskip("nacl")
+    code, told = listen("", "--stdin")
+    assert (code, "s3cret" in told.err) == (1, False)
+    assert "GPSZIP_OWNTRACKS_KEY: key 1: a key has 54 bytes" in told.err
+    monkeypatch.setitem(sys.modules, "nacl.secret", None)
+    assert "pip install 'gpszip[encrypted]'" in listen("", "--stdin")[1].err

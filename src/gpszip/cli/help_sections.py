@@ -14,7 +14,10 @@ _MIN_OPTIONS = 15
 #: Sections in the order in which they are shown, with the names of their parameters. What no
 #: section names is a matter of the command itself, and comes first.
 _SECTIONS = {
-    "Sources": ("http", "mqtt", "gpsd", "nmea", "stdin"),
+    "Sources": (
+        *("http", "mqtt", "gpsd", "nmea", "ros", "ros_topics", "mavlink", "signalk", "kafka"),
+        "stdin",
+    ),
     "Archive": ("archive", "every", "roll_now"),
     "Error bound": ("rmse", "max_error", "size", "ratio"),
     "Map": ("map_name", "update_map", "append", "network"),

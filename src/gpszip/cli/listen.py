@@ -13,6 +13,7 @@ import click
 
 from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
+from gpszip.cli.live_sources import open_subscriptions, owntracks_keys, subscription_options
 from gpszip.cli.options import Settings, check_token, common_options, quiet
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH
@@ -67,6 +68,7 @@ _KEY_VARIABLE = "GPSZIP_EVENTS_KEY"
     multiple=True,
     help="Read NMEA: tcp://HOST:PORT, udp://:PORT, or a file, pipe or serial device; repeatable.",
 )
+@subscription_options
 @click.option("--stdin", is_flag=True, help="Read standard input; the default without a source.")
 @click.option(
     "--token",
@@ -299,13 +301,21 @@ def _open_sources(
     # A server for apps.
     sources: list[FixSource] = []
     name = choices["name"] or ""
+    unseal = owntracks_keys(choices)
     if choices["http"]:
         from gpszip.live.sources.http import HttpSource
 
         host, port = _address(choices["http"], "--http", 8085)
         health = functools.partial(_health, recorder)
         server = HttpSource(
-            host, port, notices, token=choices["token"], timezone=timezone, health=health
+            host,
+            port,
+            notices,
+            token=choices["token"],
+            timezone=timezone,
+            health=health,
+            max_rate=choices["max_rate"],
+            unseal=unseal,
         )
         tell(f"listening at http://{server.address}")
         sources.append(server)
@@ -314,7 +324,7 @@ def _open_sources(
     if choices["mqtt"]:
         from gpszip.live.sources.mqtt import MqttSource
 
-        sources.append(MqttSource(choices["mqtt"], choices["folder"], notices))
+        sources.append(MqttSource(choices["mqtt"], choices["folder"], notices, unseal))
     if choices["gpsd"]:
         from gpszip.live.sources.gpsd import GpsdSource
 
@@ -323,6 +333,7 @@ def _open_sources(
         from gpszip.live.sources.nmea import open_nmea
 
         sources.append(open_nmea(address, name, notices))
+    sources += open_subscriptions(choices, name, notices, timezone)
 
     # Standard input.
     if choices["stdin"] or not sources:
@@ -414,7 +425,7 @@ def _describe(report: RollReport) -> str:
     where = ", ".join(report.archives) or "no archive was written"
     facts = [f"{where}: {_fixes(report.fixes - report.known)} appended"]
     facts += [f"{report.known:,} held already"] if report.known else []
-    facts += [f"{report.late:,} late, in further tracks"] if report.late else []
+    facts += [f"{report.late:,} in further tracks, late or after a break"] if report.late else []
     facts += [f"{report.damaged:,} damaged records passed over"] if report.damaged else []
     deleted = "1 segment" if report.segments == 1 else f"{report.segments:,} segments"
     return "; ".join([*facts, f"{deleted} of the journal deleted"])

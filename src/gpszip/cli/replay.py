@@ -29,7 +29,13 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 #: Kinds of messages, those of gpszip.live.replay.messages, whose import --help must not wait for.
-_KINDS = ("owntracks", "overland", "traccar", "osmand", "gpslogger", "nmea")
+_APPS = ("owntracks", "overland", "traccar", "osmand", "gpslogger", "nmea")
+
+#: Kinds that are no apps and no receivers.
+_OTHERS = ("ros", "mavlink", "signalk", "kafka")
+
+#: Kinds of servers that wait for a client, and have one connection.
+_SERVERS = ("ros", "signalk")
 
 #: Schemes of --to for apps, for OwnTracks, and for NMEA.
 _HTTP_SCHEMES = ("http", "https")
@@ -42,9 +48,9 @@ _NMEA_SCHEMES = ("tcp", "udp")
 @click.option(
     "--as",
     "kind",
-    type=click.Choice(_KINDS),
+    type=click.Choice((*_APPS, *_OTHERS)),
     required=True,
-    help="The app or receiver whose messages are sent.",
+    help="The app, receiver or server whose messages are sent.",
 )
 @click.option(
     "--to",
@@ -52,7 +58,8 @@ _NMEA_SCHEMES = ("tcp", "udp")
     metavar="URL",
     required=True,
     help="http://HOST:PORT/PATH; for OwnTracks mqtt://HOST/BASE, too; for NMEA udp://HOST:PORT, "
-    "tcp://HOST:PORT to wait for a client there, or - for standard output.",
+    "tcp://HOST:PORT to wait for a client there, or - for standard output; for ROS and Signal K "
+    "ws://HOST:PORT to wait for a client; for MAVLink udp://HOST:PORT; for Kafka HOST:PORT/TOPIC.",
 )
 @click.option(
     "--speed",
@@ -123,11 +130,17 @@ def command(
 
     # Send.
     samples = samples_of(read_result.tracks)
+    names = [track.id for track in read_result.tracks]
+    connections = 1 if kind in _SERVERS else connections
     shown = without_password(target)
     tell = (lambda _line: None) if quiet or settings.json else print_status
     try:
         played = play(
-            samples, open_target, speed, connections, lambda text: tell(f"{shown}: {text}")
+            samples,
+            lambda: open_target(names),
+            speed,
+            connections,
+            lambda text: tell(f"{shown}: {text}"),
         )
     except OutputError as error:
         raise error.located_at(shown) from error
@@ -135,8 +148,39 @@ def command(
     return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
 
 
-def _target(target: str, kind: str, token: str | None) -> Callable[[], Target]:
-    """Return what opens a connection to the target; refuse one that the messages don't fit."""
+def _target(target: str, kind: str, token: str | None) -> Callable[[Sequence[str]], Target]:
+    """Return what opens a connection to the target for some tracks.
+
+    A target that the messages don't fit is refused.
+    """
+    if kind not in _OTHERS:
+        opener = _app_target(target, kind, token)
+        return lambda _tracks: opener()
+
+    # Brokers have addresses of their own.
+    from gpszip.live.replay.brokers import KafkaTarget, MavlinkTarget
+    from gpszip.live.replay.servers import RosTarget, SignalKTarget
+    from gpszip.live.sources.kafka import split_address
+
+    if kind == "kafka":
+        brokers, topic = split_address(target, "--to")
+        return lambda _tracks: KafkaTarget(brokers, topic)
+    scheme = "udp" if kind == "mavlink" else "ws"
+    url = _split(target)
+    if url.scheme != scheme or not url.hostname or url.port is None:
+        raise click.UsageError(f"--to {target}: give {scheme}://HOST:PORT for {kind}")
+
+    # Vehicles and servers.
+    host, port = url.hostname, url.port
+    if kind == "mavlink":
+        return lambda tracks: MavlinkTarget(host, port, tracks)
+    if kind == "ros":
+        return lambda tracks: RosTarget(host, port, tracks)
+    return lambda _tracks: SignalKTarget(host, port)
+
+
+def _app_target(target: str, kind: str, token: str | None) -> Callable[[], Target]:
+    """Return what opens a connection to the target of an app or a receiver."""
     from gpszip.live.replay.targets import (
         DatagramTarget,
         HttpTarget,

@@ -703,7 +703,7 @@ _ROLLED = _object(
     {
         "fixes": "integer: fixes of the journal, without repeats",
         "known": "integer: those of them that archives held already",
-        "late": "integer: those that went to further tracks of their agents",
+        "late": "integer: those in further tracks, as they came late or after a break",
         "damaged": "integer: records that can't be read",
         "segments": "integer: segments that were deleted",
         "archives": _list("string: a file", "archives that were written"),

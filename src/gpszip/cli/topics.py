@@ -52,6 +52,8 @@ GPSZIP_ENGINE      --engine: threads or processes
 GPSZIP_SCHEDULER   --scheduler: the address of a Dask cluster
 GPSZIP_TOKEN       --token of listen and replay
 GPSZIP_EVENTS_KEY  --sign of listen
+GPSZIP_OWNTRACKS_KEY
+                   key of encrypted messages of OwnTracks, for listen
 NO_COLOR           no colours in progress bars
 TMPDIR             where logs larger than memory are sorted
 

@@ -20,6 +20,8 @@ class Marks:
 
     #: The source gave no time: that of receipt counts.
     ARRIVAL = "arrival"
+    #: The agent did not travel here from its last position: its map was corrected, or began anew.
+    BREAK = "break"
     #: 1024 weeks were added to the time.
     ROLLOVER = "rollover"
     #: The speed was converted to m/s.

@@ -71,11 +71,10 @@ class Recorder:
         self.last_error: str | None = None
 
         # What was stored before the process was killed is known again.
-        geographic = None
+        self._screen = Screen(notices)
         for fix in journal.recent():
             self._seen.add(fix)
-            geographic = fix.geographic
-        self._screen = Screen(notices, geographic)
+            self._screen.remember(fix)
         if journal.torn:
             notices.note("record cut off when the process was killed; removed")
         for _ in range(journal.damaged):

@@ -6,6 +6,7 @@ import math
 from collections import OrderedDict
 
 from gpszip.live.fix import Fix, Marks
+from gpszip.live.jumps import Jumps
 from gpszip.live.notices import Notices
 from gpszip.live.speeds import SpeedUnits
 
@@ -60,6 +61,7 @@ class Screen:
         self._notices = notices
         self.geographic = geographic
         self._speeds = SpeedUnits(notices)
+        self._jumps = Jumps(notices)
         self._near_zero: OrderedDict[str, None] = OrderedDict()
 
     def check(self, fix: Fix) -> Fix | None:
@@ -69,7 +71,12 @@ class Screen:
             self._notices.note(reason, fix.agent, value)
             return None
         self.geographic = fix.geographic
-        return self._speeds.convert(self._repaired(fix))
+        return self._jumps.check(self._speeds.convert(self._repaired(fix)))
+
+    def remember(self, fix: Fix) -> None:
+        """Take a fix that was stored before the process began."""
+        self.geographic = fix.geographic
+        self._jumps.remember(fix)
 
     def _refusal(self, fix: Fix) -> tuple[str, str]:
         """Say why a fix can't be used, and show the value; nothing if it can."""

@@ -318,3 +318,53 @@ def test_fixes_are_sorted_and_the_most_accurate_of_a_time_is_taken(tmp_path_fact
     for agent, known in twin.items():
         assert found[agent].times.tolist() == sorted(known)
         assert found[agent].coordinates.tolist() == [list(known[t][1]) for t in sorted(known)]
+
+
+def robot(first, count, x, mark=""):
+    """Fixes of a robot that drives east at 1 m/s, as its map has them."""
+    for number in range(first, first + count):
+        quality = mark if number == first else ""
+        at = x + number - first, 0.0
+        yield Fix("r", "test", float(number), number + 1.0, at, geographic=False, quality=quality)
+
+
+def test_no_way_is_made_of_a_break(tmp_path):
+    # A break within a segment, one at the start of a segment, and what goes on then.
+    options = Options(max_error=0.5, effort=1)
+    first = [*robot(0, 20, 0.0), *robot(20, 20, 500.0, "break")]
+    roll_in(tmp_path, first, options)
+    more = [*robot(40, 20, 900.0, "break"), *robot(60, 5, 0.0, "arrival break"), *robot(65, 5, 5.0)]
+    roll_in(tmp_path, more, options)
+    roll_in(tmp_path, list(robot(70, 10, 10.0)), options)
+
+    archive = gpszip.open(tmp_path / "a.gpsz")
+    assert archive.ids == ("r", "r (2)", "r (3)", "r (4)")
+    for name, begin, end, x in [
+        ("r", 0, 19, 0.0),
+        ("r (2)", 20, 39, 500.0),
+        ("r (3)", 40, 59, 900.0),
+        ("r (4)", 60, 79, 0.0),
+    ]:
+        times = np.arange(begin, end + 1.0)
+        found = archive.position(name, times)
+        assert np.abs(found[:, 0] - (x + times - begin)).max() <= 0.501
+        assert np.isnan(archive.position(name, [begin - 0.5, end + 0.5])).all()
+
+    # A late fix from after the first break is no way from before it.
+    late = Fix("r", "test", 25.5, 90.0, (503.0, 0.0), geographic=False)
+    report = roll_in(tmp_path, [late, *robot(80, 1, 20.0)], options)
+    assert (report.fixes, report.late) == (2, 2)
+    archive = gpszip.open(tmp_path / "a.gpsz")
+    assert archive.position("r (5)", [25.5])[0, 0] == pytest.approx(503.0, abs=0.501)
+    assert np.isnan(archive.position("r", [19.5])).all()
+    assert archive.position("r (4)", [80.0])[0, 0] == pytest.approx(20.0, abs=0.501)
+
+
+def test_too_many_breaks_begin_no_tracks(tmp_path, monkeypatch):
+    from gpszip.live.rolling import archives
+
+    monkeypatch.setattr(archives, "_MAX_BROKEN_PARTS", 2)
+    options = Options(max_error=0.5, effort=1)
+    for number in range(4):
+        roll_in(tmp_path, list(robot(10 * number, 10, 10.0 * number, "break")), options)
+    assert gpszip.open(tmp_path / "a.gpsz").ids == ("r", "r (2)")

@@ -2,19 +2,24 @@
 
 import asyncio
 import base64
+import contextlib
 import json
 import random
 import socket
+import threading
 import time
-from http.client import HTTPException
+from http.client import HTTPConnection, HTTPException
 from importlib.util import find_spec
 from urllib.parse import quote
 
 import pytest
 
 from gpszip.live import Notices
+from gpszip.live.formats.encrypted import OwnTracksKeys
 from gpszip.live.sources import http
 from live import bodies
+from live.formats.test_encrypted import seal
+from live.receiving import Taken
 from live.running import kill_when, listening, request, stored
 
 pytestmark = pytest.mark.skipif(
@@ -197,7 +202,8 @@ def test_health_and_what_was_told(server):
 
 
 def test_tokens(tmp_path):
-    with listening(tmp_path, "--http", "127.0.0.1:0", "--token", "s3cret") as listener:
+    options = ["--http", "127.0.0.1:0", "--token", "s3cret", "--max-rate", "0.5"]
+    with listening(tmp_path, *options) as listener:
         body = bodies.owntracks()
         right = base64.b64encode(b"ann:s3cret").decode()
         wrong = base64.b64encode(b"ann:secret").decode()
@@ -215,6 +221,10 @@ def test_tokens(tmp_path):
         body = bodies.owntracks(topic="owntracks/bob/phone")
         assert request(listener.port, "/owntracks", body, authorization=f"Basic {right}")[0] == 200
         assert [fix.agent for fix in stored(tmp_path)] == ["ann/phone", "ann"]
+        # Five requests of each sender at once; whoever has no token is none.
+        path = "/owntracks?u=ann&token=s3cret"
+        codes = [request(listener.port, path, body)[0] for _ in range(6)]
+        assert codes == [200] * 5 + [429]
         assert request(listener.port, "/health")[0] == 200
         assert listener.end() == 0
 
@@ -275,3 +285,113 @@ def test_a_full_disk_is_an_error_to_the_sender_and_no_end(tmp_path):
         assert len(stored(tmp_path)) == 2
         assert any("not stored" in line for line in listener.lines)
         assert listener.end() == 0
+
+
+@contextlib.contextmanager
+def serving(**options):
+    """A server in this process, in a loop of its own; yields its port and what it takes."""
+    taken = Taken()
+    source = http.HttpSource("127.0.0.1", 0, taken.notices, **options)
+    loop = asyncio.new_event_loop()
+    task = loop.create_task(source.run(taken))
+    thread = threading.Thread(target=loop.run_until_complete, args=(asyncio.wait([task]),))
+    thread.start()
+    try:
+        yield int(source.address.rpartition(":")[2]), taken
+    finally:
+        loop.call_soon_threadsafe(task.cancel)
+        thread.join(30)
+        loop.close()
+
+
+def test_who_comes_too_fast_is_told_when_to_come_again():
+    with serving(max_rate=0.5) as (port, taken):
+        connection = HTTPConnection("127.0.0.1", port, timeout=30)
+
+        def ask(name, number):
+            place = f"lat={48 + number / 1e4}&lon=11.5&timestamp={bodies.TIME + number}"
+            connection.request("GET", f"/osmand?id={name}&{place}")
+            answer = connection.getresponse()
+            answer.read()
+            return answer
+
+        # Ten seconds' worth at once; others are not held up, and what was acknowledged is there.
+        answers = [ask("ann", number) for number in range(6)]
+        assert [answer.status for answer in answers] == [200] * 5 + [429]
+        assert 1 <= int(answers[-1].getheader("Retry-After")) <= 2
+        assert ask("bob", 0).status == 200
+        # Behind a proxy of this machine, an address is that of the sender.
+        path = f"/osmand?id=ann&lat=1&lon=1&timestamp={bodies.TIME}"
+        assert request(port, path, x_forwarded_for="192.0.2.7")[0] == 200
+        assert [fix.agent for fix in taken.fixes] == ["ann"] * 5 + ["bob", "ann"]
+        assert "127.0.0.1: requests that came too fast refused for a while" in taken.lines
+        # Monitors are no senders.
+        assert all(request(port, "/health")[0] == 200 for _ in range(9))
+        connection.close()
+
+
+def day(rows):
+    """A table of a day as curl sends it, of 100 bytes a row."""
+    lines = [
+        f"{bodies.TIME + t},{48 + t / 1e6:.6f},11.5,519,12,270,5.0,9,gps,{'-' * 40}"
+        for t in range(rows)
+    ]
+    return "\n".join(
+        ["time,lat,lon,elevation,accuracy,bearing,speed,satellites,provider,x", *lines]
+    )
+
+
+def test_tables_may_be_larger_than_other_bodies(monkeypatch):
+    # Limits of a hundredth, so that this takes no time.
+    monkeypatch.setattr(http, "_MAX_BODY_BYTES", 20_000)
+    monkeypatch.setattr(http, "_MAX_TABLE_BYTES", 200_000)
+    table = day(600).encode()
+    assert len(table) > 40_000
+    with serving() as (port, taken):
+        assert request(port, "/gpslogger/ann", table) == (200, "OK")
+        assert [fix.time for fix in taken.fixes] == [bodies.TIME + t for t in range(600)]
+        assert {(fix.agent, fix.accuracy, fix.speed) for fix in taken.fixes} == {("ann", 12, 5)}
+        # In parts of any size, without a length.
+        taken.fixes.clear()
+        parts = iter([table[at : at + 7_001] for at in range(0, len(table), 7_001)])
+        chunked = request(port, "/ann", parts, transfer_encoding="chunked")
+        assert (chunked, len(taken.fixes)) == ((200, "[]"), 600)
+        # A text with commas is no table; neither is anything else so large.
+        assert request(port, "/gpslogger/ann", b"a,b\n" * 9_000) == (200, "OK")
+        assert request(port, "/gpslogger/ann", b"{" + table)[0] == 413
+        assert request(port, "/gpslogger/ann", b"x" * 30_000)[0] == 413
+        form = {"content_type": "application/x-www-form-urlencoded"}
+        assert request(port, "/gpslogger/ann", table, **form)[0] == 413
+        assert request(port, "/gpslogger/ann", table * 5)[0] == 413
+        # A disk that is full is told before the end; what is sent again is a repeat.
+        taken.full = 1
+        assert request(port, "/gpslogger/ann", table)[0] == 503
+
+
+def test_replay_waits_when_it_is_too_fast(tmp_path, capfd):
+    from gpszip.cli.main import main
+
+    rows = [f"ann,{bodies.TIME + t},{48 + t / 1e4},11.5" for t in range(12)]
+    (tmp_path / "log.csv").write_text("\n".join(["id,t,lat,lon", *rows]))
+    with serving(max_rate=1.0) as (port, taken):
+        words = ["--as", "osmand", "--to", f"http://127.0.0.1:{port}/osmand", "--speed", "inf"]
+        assert main(["replay", str(tmp_path / "log.csv"), *words]) == 0
+    assert "answers 429 Too Many Requests; trying again" in capfd.readouterr().err
+    assert [fix.time for fix in taken.fixes] == [bodies.TIME + t for t in range(12)]
+
+
+def test_encrypted_messages_of_owntracks():
+    keys = pytest.importorskip("nacl") and OwnTracksKeys(["s3cret"], "keys")
+    sealed = seal(bodies.owntracks(topic="owntracks/eve/phone"))
+    with serving(unseal=keys.open) as (port, taken):
+        assert request(port, "/owntracks?u=ann", sealed) == (200, "[]")
+        assert request(port, "/", sealed) == (200, "[]")
+    assert [fix.agent for fix in taken.fixes] == ["ann", "eve/phone"]
+    assert {(fix.time, fix.source) for fix in taken.fixes} == {(bodies.TIME, "owntracks")}
+
+
+def test_the_rate_of_the_command_is_that_of_the_server():
+    from gpszip.cli.listen import command
+
+    (option,) = (each for each in command.params if each.name == "max_rate")
+    assert option.default == http.MAX_RATE

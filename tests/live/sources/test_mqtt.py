@@ -10,6 +10,7 @@ from gpszip.live.replay.messages import Sample
 from gpszip.live.replay.targets import MqttTarget
 from gpszip.live.sources.mqtt import client_for
 from live import bodies
+from live.formats.test_encrypted import seal
 from live.running import listening, stored
 from live.servers import broker, find_program, free_port, wait_until
 
@@ -49,6 +50,10 @@ def test_nothing_is_lost_while_the_listener_is_off(port, tmp_path):
     publish(port, "mine/positions/old/phone", bodies.owntracks(), retain=True)
     options = ["--mqtt", f"mqtt://127.0.0.1:{port}/mine/positions"]
     journal = tmp_path / "journal"
+    is_sealed = find_spec("nacl") is not None
+    if is_sealed:
+        (tmp_path / "keys").write_text("other\ns3cret\n")
+        options += ["--owntracks-keys", str(tmp_path / "keys")]
 
     def times():
         return sorted(fix.time - bodies.TIME for fix in stored(journal))
@@ -69,7 +74,9 @@ def test_nothing_is_lost_while_the_listener_is_off(port, tmp_path):
     replay(tmp_path, port, 10, 10)
     with listening(journal, *options) as listener:
         assert wait_until(lambda: len(times()) == 20)
-        replay(tmp_path, port, 20, 5)
+        replay(tmp_path, port, 20, 4)
+        last = bodies.owntracks(tst=bodies.TIME + 24, topic=None)
+        publish(port, "mine/positions/replay/ann", seal(last) if is_sealed else last)
         assert wait_until(lambda: len(times()) == 25)
         assert listener.end() == 0
     assert times() == list(range(25))

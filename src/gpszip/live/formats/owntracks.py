@@ -35,10 +35,13 @@ def parse_owntracks(message: Mapping[str, Any], context: Context) -> list[Fix | 
     >>> fix.speed, fix.accuracy, fix.time
     (10.0, None, 7.0)
     """
-    # Say what is none.
+    # An encrypted message holds another one.
     kind = message.get("_type")
     if kind == "encrypted":
-        return [Unusable(context.agent, "encrypted messages of OwnTracks left out")]
+        if context.unseal is None:
+            return [Unusable(context.agent, "encrypted messages of OwnTracks left out")]
+        message = context.unseal(message.get("data"))
+        kind = message.get("_type") if isinstance(message, Mapping) else None
     if kind != "location":
         reason = "messages of OwnTracks other than locations left out"
         return [Unusable(context.agent, reason, str(kind)[:30])]

@@ -9,6 +9,7 @@ from typing import Any
 from gpszip.errors import InputError, OptionError
 from gpszip.live.fix import Fix, Unusable
 from gpszip.live.formats.apps import app_of, parse_message
+from gpszip.live.formats.forwarded import is_forwarded, parse_forwarded
 from gpszip.live.formats.gpsd import GpsdParser
 from gpszip.live.formats.nmea import NmeaParser
 from gpszip.live.formats.values import (
@@ -121,8 +122,10 @@ class TextParser:
         if app is not None:
             return parse_message(app, message, context)
 
-        # Reports of gpsd, or columns.
+        # Positions that a server forwards, reports of gpsd, or columns.
         try:
+            if is_forwarded(message):
+                return [parse_forwarded(message, context)]
             kind = message.get("class")
             if isinstance(kind, str) and kind in _GPSD_CLASSES:
                 return self._gpsd.parse(message, context)

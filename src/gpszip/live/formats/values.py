@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, tzinfo
 from typing import Any
@@ -64,12 +64,15 @@ class Context:
         Who sent it, from the topic, the path or the user; empty if that is not known.
     timezone : tzinfo
         Zone of times that name none.
+    unseal : callable, optional
+        Opens encrypted messages of OwnTracks.
     """
 
     received: float
     source: str
     agent: str = ""
     timezone: tzinfo = field(default=UTC)
+    unseal: Callable[[Any], Any] | None = None
 
 
 def to_number(value: Any) -> float | None:
@@ -179,8 +182,21 @@ def _int_name(value: int) -> str:
     return str(value) if abs(value) < 10**_MAX_NUMBER_LETTERS else "9" * (_MAX_NAME_LETTERS + 1)
 
 
-def parse_json(data: bytes | str) -> Any:
+def _refuse_constant(name: str) -> float:
+    raise ValueError(name)
+
+
+def parse_json(
+    data: bytes | str, read_constant: Callable[[str], float | None] = _refuse_constant
+) -> Any:
     """Read JSON, in which NaN and infinite numbers are an error.
+
+    Parameters
+    ----------
+    data : bytes or str
+        One value.
+    read_constant : callable, optional
+        Returns what stands for NaN, Infinity and -Infinity.
 
     Raises
     ------
@@ -191,7 +207,7 @@ def parse_json(data: bytes | str) -> Any:
     if _depth(raw) > _MAX_DEPTH:
         raise MessageError("messages with too many levels of JSON left out")
     try:
-        return json.loads(raw, parse_constant=_refuse_constant)
+        return json.loads(raw, parse_constant=read_constant)
     except (ValueError, RecursionError):
         raise MessageError("messages that are no JSON left out") from None
 
@@ -207,10 +223,6 @@ def _depth(data: bytes) -> int:
         depth += 1 if bracket in b"[{" else -1
         deepest = max(deepest, depth)
     return deepest
-
-
-def _refuse_constant(name: str) -> float:
-    raise ValueError(name)
 
 
 def make_fix(

@@ -12,7 +12,18 @@ from urllib.parse import quote, urlencode
 
 from gpszip.errors import OptionError
 
-__all__ = ["APPS", "NMEA", "HttpMessage", "Sample", "app_message", "nmea_sentences"]
+__all__ = [
+    "APPS",
+    "NMEA",
+    "HttpMessage",
+    "Sample",
+    "app_message",
+    "nmea_sentences",
+    "ros_message",
+    "ros_topic",
+    "row_message",
+    "signalk_delta",
+]
 
 #: Name of the kind of messages that no app sends.
 NMEA = "nmea"
@@ -139,6 +150,52 @@ def app_message(app: str, samples: Sequence[Sample]) -> HttpMessage:
     '?id=ann&lat=48.1&lon=11.5&timestamp=7.5'
     """
     return APPS[app](samples)
+
+
+def ros_message(sample: Sample) -> bytes:
+    """Return what rosbridge publishes: a NavSatFix of the topic ``/TRACK/fix``."""
+    seconds, parts = divmod(round(sample.time * 1e9), 10**9)
+    message = {
+        "header": {"stamp": {"sec": seconds, "nanosec": parts}, "frame_id": "gps"},
+        "status": {"status": 0, "service": 1},
+        "latitude": round(sample.latitude, _DECIMALS),
+        "longitude": round(sample.longitude, _DECIMALS),
+        "altitude": None,
+        "position_covariance": [0.0] * 9,
+        "position_covariance_type": 0,
+    }
+    return _json({"op": "publish", "topic": ros_topic(sample.track), "msg": message})
+
+
+def ros_topic(track: str) -> str:
+    """Return the topic of a track.
+
+    Examples
+    --------
+    >>> ros_topic("line 7/a")
+    '/line 7-a/fix'
+    """
+    return f"/{track.replace('/', '-')}/fix"
+
+
+def signalk_delta(sample: Sample) -> bytes:
+    """Return a delta of Signal K with the position of the vessel that has the track's name."""
+    value = {
+        "latitude": round(sample.latitude, _DECIMALS),
+        "longitude": round(sample.longitude, _DECIMALS),
+    }
+    update = {
+        "$source": "replay",
+        "timestamp": _iso(sample.time),
+        "values": [{"path": "navigation.position", "value": value}],
+    }
+    vessel = f"vessels.urn:mrn:gpszip:{sample.track.replace(':', '-')}"
+    return _json({"context": vessel, "updates": [update]})
+
+
+def row_message(sample: Sample) -> bytes:
+    """Return an object of JSON with the columns of a table."""
+    return _json({"id": sample.track, **_fields(sample)})
 
 
 def nmea_sentences(sample: Sample) -> bytes:

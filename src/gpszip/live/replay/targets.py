@@ -6,6 +6,7 @@ import http.client
 import socket
 import string
 import sys
+import time
 from collections.abc import Sequence
 from http import HTTPStatus
 from typing import IO
@@ -63,7 +64,10 @@ class HttpTarget:
             self._connection.close()
             raise OSError(str(error) or type(error).__name__) from error
 
-        # Only errors of the server may pass.
+        # Errors of the server may pass, and a server that finds this too fast says when to go on.
+        if answer.status == HTTPStatus.TOO_MANY_REQUESTS:
+            time.sleep(_pause(answer.getheader("Retry-After", "")))
+            raise OSError(f"answers {answer.status} {printable(answer.reason)}")
         if answer.status >= HTTPStatus.INTERNAL_SERVER_ERROR:
             raise OSError(f"answers {answer.status} {printable(answer.reason)}")
         if answer.status >= HTTPStatus.MULTIPLE_CHOICES:
@@ -76,6 +80,11 @@ class HttpTarget:
     def close(self) -> None:
         """Close the connection."""
         self._connection.close()
+
+
+def _pause(text: str) -> float:
+    """Seconds of a header Retry-After; a second where it has none."""
+    return min(float(text[:6]), _TIMEOUT) if text.isdecimal() else 1.0
 
 
 def _joined(url: SplitResult, path: str) -> str:

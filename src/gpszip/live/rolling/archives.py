@@ -6,13 +6,14 @@ takes what that can't take, and so on.
 
 The track of an agent has its name. Fixes from before the end of that track, which come late, go to
 a track ``NAME (2)``, in the order of time again; if they are before the end of that one, too, to
-``NAME (3)``, and so on.
+``NAME (3)``, and so on. Where a fix is marked as a break, a further track begins, too, which later
+fixes continue.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ __all__ = [
     "assign_parts",
     "check_archive",
     "distances_to",
+    "divide_at_breaks",
     "largest_error",
     "open_archives",
     "parts_of",
@@ -48,6 +50,9 @@ _UNITS_PER_DEGREE = 1e7
 
 #: Tracks of one agent at most; an agent whose clock goes back all the time has so many.
 _MAX_PARTS = 10_000
+
+#: Tracks of one agent from which on breaks begin no further ones: its SLAM is lost all the time.
+_MAX_BROKEN_PARTS = 1_000
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -207,30 +212,63 @@ def assign_parts(
     -------
     dict of str to AgentFixes
     """
-    # Track by track, those after its end; a new track takes all that are left.
+    # Track by track, the one that ends last first: those after its end. A new track takes all left.
     parts: dict[str, AgentFixes] = {}
+    ends = _ends(archive, agent, is_exact=margin == 0)
+    first, *broken = fixes.runs(_MAX_BROKEN_PARTS - len(ends))
+    if first.breaks[0] and len(ends) < _MAX_BROKEN_PARTS:
+        first, broken = first.take(slice(0)), [first, *broken]
+    order = sorted(ends, key=lambda name: -ends[name])
+    if archive.grid.plane is None:
+        # In metres, breaks may lie between the end of an earlier track and a late fix.
+        order = order[:1]
+    for name in order:
+        after = first.times > ends[name] + max(margin, 2 * TIME_SLACK)
+        if after.any() and name not in taken:
+            parts[name] = first.take(after)
+            first = first.take(~after)
+    taken |= parts.keys()
+
+    # What nothing can be continued by.
+    new = [run for run in (first, *broken) if len(run)]
+    parts |= _name_new(agent, new, taken | ends.keys())
+    taken |= parts.keys()
+    return parts
+
+
+def divide_at_breaks(fixes: Mapping[str, AgentFixes]) -> dict[str, AgentFixes]:
+    """Divide the fixes of agents that no archive has among tracks, a new one from each break on."""
+    parts: dict[str, AgentFixes] = {}
+    for agent, each in fixes.items():
+        parts |= _name_new(agent, each.runs(_MAX_BROKEN_PARTS), parts.keys())
+    return parts
+
+
+def _ends(archive: Archive, agent: str, *, is_exact: bool) -> dict[str, float]:
+    """When each track of an agent ends, or the last knot of its walk is, if that is later."""
+    ends: dict[str, float] = {}
     known = set(archive.ids)
     for name in parts_of(agent):
-        if not len(fixes):
+        if name not in known:
             break
-        if name in taken:
-            continue
-        after = np.ones(len(fixes), np.bool_)
-        if name in known:
-            end = max(track_end(archive, name), _last_knot_time(archive, name) if margin else 0.0)
-            after = fixes.times > end + max(margin, 2 * TIME_SLACK)
-        if after.any():
-            parts[name] = fixes.take(after)
-            taken.add(name)
-            fixes = fixes.take(~after)
+        ends[name] = track_end(archive, name)
+        if not is_exact:
+            ends[name] = max(ends[name], _last_knot_time(archive, name))
+    return ends
 
-    # None is left, unless there are too many tracks.
-    if len(fixes):
+
+def _name_new(
+    agent: str, runs: Sequence[AgentFixes], taken: Collection[str]
+) -> dict[str, AgentFixes]:
+    """Give each run the first name of the agent's tracks that is not taken."""
+    free = (name for name in parts_of(agent) if name not in taken)
+    named = dict(zip(free, runs, strict=False))
+    if len(named) < len(runs):
         raise OptionError(
             f"track {agent!r} has more than {_MAX_PARTS:,} parts",
             remedy="name another archive with --archive",
         )
-    return parts
+    return named
 
 
 def tracks_on(parts: Mapping[str, AgentFixes], plane: Plane | None, dimension: int) -> list[Track]:

@@ -5,17 +5,19 @@ from __future__ import annotations
 from array import array
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.live.fix import Fix
+from gpszip.live.fix import Fix, Marks
 from gpszip.live.journal import Tail, read_segment
 
 __all__ = ["AgentFixes", "read_fixes"]
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 #: Coordinates of a fix at most.
 _MAX_DIMENSION = 3
@@ -31,17 +33,28 @@ class AgentFixes:
         Seconds, strictly increasing.
     coordinates : float64 array, shape (n, d)
         Latitude and longitude in degrees, or x, y[, z] in metres.
+    breaks : bool array, shape (n,)
+        Whether the agent did not travel from the fix before to this one.
     """
 
     times: Floats
     coordinates: Floats
+    breaks: Flags
 
     def __len__(self) -> int:
         return len(self.times)
 
-    def take(self, rows: NDArray[np.bool_]) -> AgentFixes:
+    def take(self, rows: Flags | slice) -> AgentFixes:
         """Return some of the fixes."""
-        return AgentFixes(self.times[rows], self.coordinates[rows])
+        return AgentFixes(self.times[rows], self.coordinates[rows], self.breaks[rows])
+
+    def runs(self, limit: int) -> list[AgentFixes]:
+        """Return the fixes from each break to the next; all in one where there are too many."""
+        starts = [start for start in np.flatnonzero(self.breaks).tolist() if start > 0]
+        if len(starts) >= limit:
+            return [self]
+        edges = [0, *starts, len(self)]
+        return [self.take(slice(*pair)) for pair in pairwise(edges)]
 
 
 class _Rows:
@@ -49,6 +62,7 @@ class _Rows:
 
     def __init__(self) -> None:
         self._times, self._accuracies, self._coordinates = array("d"), array("d"), array("d")
+        self._breaks = bytearray()
         self._dimension = _MAX_DIMENSION
 
     def add(self, fix: Fix) -> None:
@@ -56,6 +70,7 @@ class _Rows:
         self._dimension = min(self._dimension, len(fix.position))
         self._times.append(fix.time)
         self._accuracies.append(np.inf if fix.accuracy is None else fix.accuracy)
+        self._breaks.append(Marks.BREAK in fix.quality)
         self._coordinates.extend((*fix.position, 0.0)[:_MAX_DIMENSION])
 
     def sorted(self) -> AgentFixes:
@@ -67,7 +82,8 @@ class _Rows:
         ]
         times = times[order]
         is_first = np.append(True, np.diff(times) > 0)
-        return AgentFixes(times[is_first], coordinates[order][is_first])
+        breaks = np.frombuffer(self._breaks, np.bool_)[order]
+        return AgentFixes(times[is_first], coordinates[order][is_first], breaks[is_first])
 
 
 def read_fixes(paths: Sequence[Path], tail: Tail) -> tuple[dict[str, AgentFixes], bool]:

@@ -23,6 +23,7 @@ from gpszip.live.rolling.archives import (
     archive_names,
     assign_parts,
     distances_to,
+    divide_at_breaks,
     largest_error,
     open_archives,
     plane_of,
@@ -304,7 +305,7 @@ def _compress(
     from gpszip.pipeline.compress import compress
 
     dimension = min(each.coordinates.shape[1] for each in fixes.values())
-    tracks = tracks_on(fixes, plane_of(fixes) if geographic else None, dimension)
+    tracks = tracks_on(divide_at_breaks(fixes), plane_of(fixes) if geographic else None, dimension)
     return compress(tracks, options, progress=progress)[0]
 
 

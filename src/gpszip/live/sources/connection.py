@@ -4,23 +4,38 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
+import platform
+import zlib
 from collections.abc import AsyncIterator, Callable
+from pathlib import Path
 from urllib.parse import SplitResult, urlsplit
 
 from gpszip.errors import OptionError
 from gpszip.live.notices import Notices
 from gpszip.live.sources.lines import read_stream_lines
 
-__all__ = ["connected_lines", "split_url", "without_password"]
+__all__ = [
+    "CONNECT_SECONDS",
+    "RETRY_SECONDS",
+    "connected_chunks",
+    "connected_lines",
+    "session_name",
+    "split_url",
+    "without_password",
+]
 
 #: Seconds between attempts to connect, at first and at most; it doubles.
-_RETRY_SECONDS = (0.5, 10.0)
+RETRY_SECONDS = (0.5, 10.0)
 
 #: Seconds that an attempt may take.
-_CONNECT_SECONDS = 20.0
+CONNECT_SECONDS = 20.0
 
 #: Bytes of a line; those of gpsd have 10,240 at most.
 _MAX_LINE_BYTES = 1 << 16
+
+#: Bytes that are read at once.
+_CHUNK_BYTES = 1 << 16
 
 
 async def connected_lines(
@@ -39,11 +54,41 @@ async def connected_lines(
     greeting : callable, optional
         Returns what is sent at the start of each connection.
     """
-    pause = _RETRY_SECONDS[0]
+
+    def read(reader: asyncio.StreamReader) -> AsyncIterator[list[bytes]]:
+        return read_stream_lines(reader, _MAX_LINE_BYTES)
+
+    async for lines in _connected(host, port, name, notices, read, greeting):
+        yield lines
+
+
+async def connected_chunks(
+    host: str, port: int, name: str, notices: Notices
+) -> AsyncIterator[list[bytes]]:
+    """Yield the bytes that a server sends, as :func:`connected_lines` does lines."""
+    async for chunks in _connected(host, port, name, notices, _read_chunks, None):
+        yield chunks
+
+
+async def _read_chunks(reader: asyncio.StreamReader) -> AsyncIterator[list[bytes]]:
+    while chunk := await reader.read(_CHUNK_BYTES):
+        yield [chunk]
+
+
+async def _connected(
+    host: str,
+    port: int,
+    name: str,
+    notices: Notices,
+    read: Callable[[asyncio.StreamReader], AsyncIterator[list[bytes]]],
+    greeting: Callable[[], bytes] | None,
+) -> AsyncIterator[list[bytes]]:
+    """Yield what is read from a server, and connect again whenever the connection ends."""
+    pause = RETRY_SECONDS[0]
     is_away = False
     while True:
         try:
-            async with asyncio.timeout(_CONNECT_SECONDS):
+            async with asyncio.timeout(CONNECT_SECONDS):
                 reader, writer = await asyncio.open_connection(host, port)
         except (OSError, TimeoutError) as error:
             # Told once until the server is back.
@@ -52,7 +97,7 @@ async def connected_lines(
                 notices.note("can't be reached; will be tried again", name, reason)
             is_away = True
             await asyncio.sleep(pause)
-            pause = min(2 * pause, _RETRY_SECONDS[1])
+            pause = min(2 * pause, RETRY_SECONDS[1])
             continue
 
         # Read until the connection ends.
@@ -61,9 +106,9 @@ async def connected_lines(
         try:
             if greeting is not None:
                 writer.write(greeting())
-            async for lines in read_stream_lines(reader, _MAX_LINE_BYTES):
-                pause = _RETRY_SECONDS[0]
-                yield lines
+            async for items in read(reader):
+                pause = RETRY_SECONDS[0]
+                yield items
         except OSError as error:
             notices.note("connection broken", name, error.strerror or "")
         finally:
@@ -74,7 +119,13 @@ async def connected_lines(
         # What came last is complete.
         yield []
         await asyncio.sleep(pause)
-        pause = min(2 * pause, _RETRY_SECONDS[1])
+        pause = min(2 * pause, RETRY_SECONDS[1])
+
+
+def session_name(journal: str | os.PathLike[str]) -> str:
+    """Return the name by which brokers know a journal of this machine again."""
+    who = f"{platform.node()}:{Path(journal).resolve()}".encode("utf-8", "surrogateescape")
+    return f"gpszip-{zlib.crc32(who):08x}"
 
 
 def split_url(text: str, option: str, schemes: tuple[str, ...], example: str) -> SplitResult:
@@ -92,7 +143,7 @@ def split_url(text: str, option: str, schemes: tuple[str, ...], example: str) ->
     """
     try:
         url = urlsplit(text)
-        if url.scheme in schemes and (url.hostname or url.scheme == "udp"):
+        if url.scheme in schemes and (url.hostname or url.scheme in ("udp", "udpin")):
             # A port that is none raises.
             _ = url.port
             return url

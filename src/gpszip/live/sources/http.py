@@ -11,15 +11,16 @@ import asyncio
 import base64
 import contextlib
 import hmac
+import math
 import socket
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl
 
-from gpszip.errors import MissingExtraError, OptionError, OutputError
+from gpszip.errors import InputError, MissingExtraError, OptionError, OutputError
 from gpszip.live.fix import Fix, Unusable
 from gpszip.live.formats.apps import App, app_of, parse_message
 from gpszip.live.formats.owntracks import agent_of_topic
@@ -28,15 +29,19 @@ from gpszip.live.formats.text import TextParser
 from gpszip.live.formats.values import Context, MessageError, clean_name, parse_json
 from gpszip.live.notices import Notices
 from gpszip.live.source import Receiver
+from gpszip.live.sources.rates import Rates
 
 if TYPE_CHECKING:
     from starlette.requests import Request
     from starlette.responses import Response
 
-__all__ = ["HttpSource"]
+__all__ = ["MAX_RATE", "HttpSource"]
 
 #: Bytes of a body; a batch of Overland has 600 kB at most.
 _MAX_BODY_BYTES = 2 << 20
+
+#: Bytes of a table or log, which is stored as it comes; one of a day at 1 Hz has 10 MB.
+_MAX_TABLE_BYTES = 256 << 20
 
 #: Bytes of a query.
 _MAX_QUERY_BYTES = 8_192
@@ -57,6 +62,12 @@ _HEAD_SECONDS = 30.0
 #: Seconds that the answer to a wrong token takes, so that few can be tried.
 _PAUSE_SECONDS = 0.5
 
+#: Requests of one sender in a second. Apps send one after the other, and none comes near it.
+MAX_RATE = 1_000.0
+
+#: Letters of each part of what tells senders apart.
+_MAX_SENDER_LETTERS = 100
+
 #: Connections at once; more are told to come again.
 _MAX_CONNECTIONS = 2_000
 
@@ -74,6 +85,10 @@ _ANSWERS = {
 
 #: The answer to what is of no app.
 _OTHER_ANSWER = ("application/json", b"[]")
+
+
+class _TooLargeError(Exception):
+    """A request that has more bytes than it may have."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +118,10 @@ class HttpSource:
         Zone of times without one.
     health : callable, optional
         Further facts for ``/health``.
+    max_rate : float
+        Requests of one sender in a second. Faster ones are told to come again (429).
+    unseal : callable, optional
+        Opens encrypted messages of OwnTracks.
 
     Raises
     ------
@@ -121,9 +140,12 @@ class HttpSource:
         token: str | None = None,
         timezone: tzinfo = UTC,
         health: Callable[[], Mapping[str, Any]] | None = None,
+        max_rate: float = MAX_RATE,
+        unseal: Callable[[Any], Any] | None = None,
     ) -> None:
         _require_packages()
         self._notices, self._token, self._timezone = notices, token, timezone
+        self._rates, self._unseal = Rates(max_rate), unseal
         self._health = health or dict
         self._large = asyncio.Semaphore(_MAX_LARGE)
         self._socket = _bind(host, port)
@@ -185,6 +207,11 @@ class HttpSource:
             await asyncio.sleep(_PAUSE_SECONDS)
             challenge = {"WWW-Authenticate": 'Basic realm="gpszip"'}
             return PlainTextResponse("wrong token\n", 401, headers=challenge)
+        pause = self._rates.wait(_sender(request, query, headers, user), time.monotonic())
+        if pause:
+            self._notices.note("requests that came too fast refused for a while", _host(request))
+            later = {"Retry-After": str(math.ceil(pause))}
+            return PlainTextResponse("too fast; send it again later\n", 429, headers=later)
         turn = self._large if _is_large(headers) else contextlib.nullcontext()
         async with turn:
             return await self._take(request, query, headers, user, receiver)
@@ -201,30 +228,41 @@ class HttpSource:
         from starlette.requests import ClientDisconnect
         from starlette.responses import PlainTextResponse, Response
 
-        # The body may be large, slow, or cut off.
+        # The body may be large, slow, or cut off. What follows of a table is stored as it comes.
+        chunks = _chunks(request)
         try:
             async with asyncio.timeout(_BODY_SECONDS):
-                body = await _read_body(request)
+                body, is_whole = await _read_body(chunks, _declared(headers))
+            message = _Message(_path(request), query, headers, body, user)
+            _check_size(request, message, is_whole=is_whole)
+            app = await self._store(message, None if is_whole else chunks, receiver)
         except (TimeoutError, ClientDisconnect):
             self._notices.note("requests that were not sent to their end left out")
             return PlainTextResponse("the body takes too long\n", 408)
-        if body is None or len(_query(request)) > _MAX_QUERY_BYTES:
+        except _TooLargeError:
             self._notices.note("requests that are too large refused")
             return PlainTextResponse(f"at most {_MAX_BODY_BYTES:,} bytes\n", 413)
-
-        # Store, and answer as the app expects.
-        message = _Message(_path(request), query, headers, body, user)
-        if len(body) > _LARGE_BYTES:
-            # A day's log takes a second, in which others are answered.
-            app, items = await asyncio.to_thread(self._parse, message)
-        else:
-            app, items = self._parse(message)
-        try:
-            await receiver.store(items)
         except OutputError:
             return PlainTextResponse("not stored; send it again\n", 503)
         kind, content = _ANSWERS[app] if app is not None else _OTHER_ANSWER
         return Response(content, media_type=kind)
+
+    async def _store(
+        self, message: _Message, more: AsyncIterator[bytes] | None, receiver: Receiver
+    ) -> App | None:
+        """Store what is in a message, and return the app that sent it."""
+        if more is not None:
+            app, agent = self._app_and_agent(message)
+            await _store_table(message.body, more, self._context(message, app, agent), receiver)
+            return app
+
+        # A day's log takes a second, in which others are answered.
+        if len(message.body) > _LARGE_BYTES:
+            app, items = await asyncio.to_thread(self._parse, message)
+        else:
+            app, items = self._parse(message)
+        await receiver.store(items)
+        return app
 
     def _report(self) -> dict[str, Any]:
         """What monitors get to know."""
@@ -248,11 +286,7 @@ class HttpSource:
 
     def _parse(self, message: _Message) -> tuple[App | None, list[Fix | Unusable]]:
         """Find the app that sent a message, and the fixes in it."""
-        # The path names the app, and the sender behind it: /osmand/ann.
-        name, _, agent = message.path.partition("/")
-        app = next((each for each in App if each.value == name.lower()), None)
-        if app is None and message.path:
-            agent = message.path
+        app, agent = self._app_and_agent(message)
         found: list[Fix | Unusable]
         try:
             context = self._context(message, app, agent)
@@ -260,6 +294,12 @@ class HttpSource:
         except MessageError as error:
             found = [Unusable("", str(error))]
         return app, found
+
+    def _app_and_agent(self, message: _Message) -> tuple[App | None, str]:
+        """Return what the path says: the app, and the sender behind it, as in /osmand/ann."""
+        name, _, agent = message.path.partition("/")
+        app = next((each for each in App if each.value == name.lower()), None)
+        return app, message.path if app is None else agent
 
     def _context(self, message: _Message, app: App | None, agent: str) -> Context:
         """What is known of the sender: its path, its user, what its headers or query say."""
@@ -269,7 +309,7 @@ class HttpSource:
         named = "/".join(part for part in (user, device) if part)
         name = clean_name(agent, named) if agent or named else ""
         source = "http" if app is None else app.value
-        return Context(time.time(), source, name, self._timezone)
+        return Context(time.time(), source, name, self._timezone, self._unseal)
 
     def _parse_content(
         self, message: _Message, app: App | None, context: Context
@@ -319,18 +359,70 @@ def _with_topic(content: Any, context: Context, app: App) -> Context:
 
 
 def _parse_table(body: bytes, context: Context) -> list[Fix | Unusable]:
-    """Return the fixes of a table or log: GPSLogger sends its file of the day again and again."""
-    from gpszip.errors import InputError
-
+    """Return the fixes of a table or log: such files are sent again and again as they grow."""
     parser = TextParser(context.agent)
+    return _parse_lines(parser, body.splitlines(), context) + parser.finish(context)
+
+
+def _parse_lines(
+    parser: TextParser, lines: Iterable[bytes], context: Context
+) -> list[Fix | Unusable]:
+    """Return the fixes of lines; a text that is no table is of no app."""
     found: list[Fix | Unusable] = []
     try:
-        for line in body.splitlines():
+        for line in lines:
             found += parser.push(line, context)
-        found += parser.finish(context)
     except (InputError, OptionError):
         return [Unusable(context.agent, "messages of unknown apps left out")]
     return found
+
+
+async def _store_table(
+    first: bytes, more: AsyncIterator[bytes], context: Context, receiver: Receiver
+) -> None:
+    """Store a table that is larger than other bodies may be, as it comes.
+
+    What is stored when it breaks off stays; whoever sends it again repeats that, which is left out.
+
+    Raises
+    ------
+    OutputError
+        If a part can't be stored.
+    """
+    parser = TextParser(context.agent)
+    chunk, rest, size = first, b"", 0
+    while chunk:
+        size += len(chunk)
+        if size > _MAX_TABLE_BYTES:
+            raise _TooLargeError
+        *lines, rest = (rest + chunk).split(b"\n")
+        rest = rest[:_LARGE_BYTES]
+        await receiver.store(await asyncio.to_thread(_parse_lines, parser, lines, context))
+        chunk = await _next_chunk(more)
+
+    # The last line may have no end.
+    last = _parse_lines(parser, [rest], context)
+    await receiver.store(last + parser.finish(context))
+
+
+async def _next_chunk(chunks: AsyncIterator[bytes]) -> bytes:
+    """Return the next bytes of a body, none at its end."""
+    async with asyncio.timeout(_BODY_SECONDS):
+        return await anext(chunks, b"")
+
+
+def _sender(
+    request: Request, query: Mapping[str, str], headers: Mapping[str, str], user: str
+) -> str:
+    """Return what tells senders apart before their messages are read: address, path and names."""
+    named = (query.get(name, "") for name in ("id", "deviceid", "u", "d", "aid", "ser"))
+    devices = (headers.get(name, "") for name in ("x-limit-u", "x-limit-d"))
+    parts = (_host(request), _path(request), user, *named, *devices)
+    return "\n".join(part[:_MAX_SENDER_LETTERS] for part in parts)
+
+
+def _host(request: Request) -> str:
+    return "" if request.client is None else request.client.host
 
 
 def _path(request: Request) -> str:
@@ -371,24 +463,46 @@ def _basic(credentials: str) -> tuple[str, str]:
 
 def _is_large(headers: Mapping[str, str]) -> bool:
     """Whether a body may be large: it says so, or does not say how large it is."""
-    declared = headers.get("content-length", "")
-    return "transfer-encoding" in headers or (
-        declared.isdecimal() and int(declared[:20]) > _LARGE_BYTES
-    )
+    return "transfer-encoding" in headers or _declared(headers) > _LARGE_BYTES
 
 
-async def _read_body(request: Request) -> bytes | None:
-    """Return the body; None if it is too large."""
-    declared = request.headers.get("content-length", "0")
-    if declared.isdecimal() and int(declared[:20]) > _MAX_BODY_BYTES:
-        return None
-    chunks, size = [], 0
+def _declared(headers: Mapping[str, str]) -> int:
+    """Bytes that a body has, as far as its headers say so."""
+    text = headers.get("content-length", "")
+    return int(text[:20]) if text.isdecimal() else 0
+
+
+def _check_size(request: Request, message: _Message, *, is_whole: bool) -> None:
+    """Refuse a query or a body that is too large."""
+    if len(_query(request)) > _MAX_QUERY_BYTES or not (is_whole or _is_table(message)):
+        raise _TooLargeError
+
+
+def _is_table(message: _Message) -> bool:
+    """Whether a body is a table or log, as far as its beginning and its header show."""
+    line = message.body.strip().partition(b"\n")[0]
+    is_form = "form-urlencoded" in message.headers.get("content-type", "")
+    if is_form or line[:1] in (b"{", b"[") or b"=" in line:
+        return False
+    return line[:1] == b"$" or any(separator in line for separator in (b",", b";", b"\t", b"|"))
+
+
+async def _chunks(request: Request) -> AsyncIterator[bytes]:
+    """Yield the parts of a body that have bytes."""
     async for chunk in request.stream():
+        if chunk:
+            yield chunk
+
+
+async def _read_body(chunks: AsyncIterator[bytes], declared: int) -> tuple[bytes, bool]:
+    """Return the body, or its beginning if it is too large, and whether it is whole."""
+    parts, size = [], 0
+    async for chunk in chunks:
         size += len(chunk)
-        if size > _MAX_BODY_BYTES:
-            return None
-        chunks.append(chunk)
-    return b"".join(chunks)
+        parts.append(chunk)
+        if max(size, declared) > _MAX_BODY_BYTES:
+            return b"".join(parts), False
+    return b"".join(parts), True
 
 
 def _bind(host: str, port: int) -> socket.socket:

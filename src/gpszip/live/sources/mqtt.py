@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import asyncio
 import os
-import platform
 import threading
 import time
-import zlib
-from pathlib import Path
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
@@ -23,7 +21,7 @@ from gpszip.live.formats.owntracks import agent_of_topic
 from gpszip.live.formats.values import Context, MessageError, clean_name, parse_json
 from gpszip.live.notices import Notices
 from gpszip.live.source import Receiver
-from gpszip.live.sources.connection import split_url
+from gpszip.live.sources.connection import session_name, split_url
 from gpszip.live.sources.lines import store_patiently
 
 if TYPE_CHECKING:
@@ -64,6 +62,8 @@ class MqttSource:
         The journal; names the session.
     notices : Notices
         Is told what happens.
+    unseal : callable, optional
+        Opens encrypted messages.
 
     Raises
     ------
@@ -73,7 +73,13 @@ class MqttSource:
         If the address can't be used.
     """
 
-    def __init__(self, text: str, journal: str | os.PathLike[str], notices: Notices) -> None:
+    def __init__(
+        self,
+        text: str,
+        journal: str | os.PathLike[str],
+        notices: Notices,
+        unseal: Callable[[Any], Any] | None = None,
+    ) -> None:
         require_paho("--mqtt")
         self._url = text
         self._base = split_url(text, "--mqtt", ("mqtt", "mqtts"), _EXAMPLE).path.strip("/") or _BASE
@@ -82,11 +88,10 @@ class MqttSource:
                 f"--mqtt: topics begin with one base, not with {self._base}",
                 remedy=f"give one such as {_EXAMPLE}",
             )
-        self._notices = notices
+        self._notices, self._unseal = notices, unseal
         self._is_away = False
         # One machine and journal are one session.
-        who = f"{platform.node()}:{Path(journal).resolve()}".encode("utf-8", "surrogateescape")
-        self._client_id = f"gpszip-{zlib.crc32(who):08x}"
+        self._client_id = session_name(journal)
         self._is_ending = False
         self._space = threading.BoundedSemaphore(_MAX_WAITING)
 
@@ -168,7 +173,8 @@ class MqttSource:
             content = parse_json(bytes(message.payload))
         except (MessageError, UnicodeDecodeError) as error:
             return [Unusable("", str(error))]
-        return parse_message(App.OWNTRACKS, content, Context(time.time(), "mqtt", agent))
+        context = Context(time.time(), "mqtt", agent, unseal=self._unseal)
+        return parse_message(App.OWNTRACKS, content, context)
 
 
 def require_paho(purpose: str) -> None:

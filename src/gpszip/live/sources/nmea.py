@@ -7,15 +7,15 @@ import os
 import stat
 import time
 from collections import OrderedDict
-from typing import Any
 
-from gpszip.errors import InputError, OptionError
+from gpszip.errors import InputError
 from gpszip.live.fix import Fix, Unusable
 from gpszip.live.formats.nmea import NmeaParser
 from gpszip.live.formats.values import Context
 from gpszip.live.notices import Notices
 from gpszip.live.source import FixSource, Receiver
 from gpszip.live.sources.connection import connected_lines, split_url
+from gpszip.live.sources.datagrams import Datagrams
 from gpszip.live.sources.lines import IDLE_SECONDS, store_lines, store_patiently
 from gpszip.live.sources.stdin import read_descriptor_lines
 
@@ -23,9 +23,6 @@ __all__ = ["open_nmea"]
 
 #: The port on which ships send NMEA.
 _PORT = 10_110
-
-#: Datagrams that wait to be stored; of more, the oldest go, as UDP has no other way.
-_MAX_WAITING = 10_000
 
 #: Senders of datagrams whose epochs are kept apart.
 _MAX_SENDERS = 256
@@ -111,39 +108,26 @@ class _UdpSource:
 
     async def run(self, receiver: Receiver) -> None:
         """Store fixes until the task is cancelled."""
-        # Listen.
-        loop = asyncio.get_running_loop()
-        queue: asyncio.Queue[tuple[bytes, str]] = asyncio.Queue()
-        try:
-            transport, _ = await loop.create_datagram_endpoint(
-                lambda: _Datagrams(queue, self._notices), local_addr=self._address
-            )
-        except OSError as error:
-            raise OptionError(
-                f"can't listen at {self._address[0]}:{self._address[1]}: {error.strerror or error}",
-                remedy="name another port with --nmea",
-            ) from error
+        datagrams = await Datagrams.listen(*self._address, "--nmea", self._notices)
 
         # Store what comes.
         try:
             while True:
-                await store_patiently(receiver, await self._next(queue))
+                await store_patiently(receiver, await self._next(datagrams))
         finally:
-            transport.close()
+            datagrams.close()
 
-    async def _next(self, queue: asyncio.Queue[tuple[bytes, str]]) -> list[Fix | Unusable]:
+    async def _next(self, datagrams: Datagrams) -> list[Fix | Unusable]:
         """Return what the next datagrams hold, or what is complete as none comes."""
         found: list[Fix | Unusable] = []
         try:
             async with asyncio.timeout(IDLE_SECONDS):
-                waiting = [await queue.get()]
+                waiting = await datagrams.take()
         except TimeoutError:
             for parser in self._parsers.values():
                 found += parser.finish(_context(time.time()))
             return found
-        while not queue.empty():
-            waiting.append(queue.get_nowait())
-        for data, sender in waiting:
+        for data, (sender, _) in waiting:
             parser = self._parser(sender)
             for line in data.splitlines():
                 found += parser.push(line, _context(time.time()))
@@ -157,17 +141,3 @@ class _UdpSource:
                 self._parsers.popitem(last=False)
         self._parsers.move_to_end(sender)
         return self._parsers[sender]
-
-
-class _Datagrams(asyncio.DatagramProtocol):
-    """Puts datagrams into a queue."""
-
-    def __init__(self, queue: asyncio.Queue[tuple[bytes, str]], notices: Notices) -> None:
-        self._queue, self._notices = queue, notices
-
-    def datagram_received(self, data: bytes, addr: tuple[str | Any, int]) -> None:
-        """Take a datagram."""
-        if self._queue.qsize() >= _MAX_WAITING:
-            self._queue.get_nowait()
-            self._notices.note("datagrams lost, as they came faster than they were stored")
-        self._queue.put_nowait((data, str(addr[0])))

@@ -13,7 +13,7 @@ from gpszip.live.formats.values import Context
 from gpszip.live.source import Receiver
 from gpszip.live.sources.lines import IDLE_SECONDS, store_lines
 
-__all__ = ["StreamSource", "read_descriptor_lines"]
+__all__ = ["StreamSource", "read_descriptor_chunks", "read_descriptor_lines"]
 
 #: Bytes of a line; longer ones are cut.
 _MAX_LINE_BYTES = 1 << 20
@@ -63,6 +63,21 @@ class StreamSource:
 
 async def read_descriptor_lines(descriptor: int) -> AsyncIterator[list[bytes]]:
     """Yield lines of a descriptor, and an empty list where none comes for a while."""
+    rest = b""
+    async for chunk in read_descriptor_chunks(descriptor):
+        if chunk is None:
+            yield []
+            continue
+        *lines, rest = (rest + chunk).split(b"\n")
+        rest = rest[:_MAX_LINE_BYTES]
+        if lines:
+            yield lines
+    if rest:
+        yield [rest]
+
+
+async def read_descriptor_chunks(descriptor: int) -> AsyncIterator[bytes | None]:
+    """Yield what is read from a descriptor, and None where nothing comes for a while."""
     # A thread of its own reads: files can't be waited for in the event loop, and a thread of the
     # pool would keep the program from ending.
     loop = asyncio.get_running_loop()
@@ -82,22 +97,16 @@ async def read_descriptor_lines(descriptor: int) -> AsyncIterator[list[bytes]]:
             except RuntimeError:  # the loop has ended
                 return
 
-    # Split what it reads into lines.
+    # Take what it reads.
     threading.Thread(target=read, daemon=True).start()
-    rest = b""
     while True:
         try:
             async with asyncio.timeout(IDLE_SECONDS):
                 chunk = await queue.get()
         except TimeoutError:
-            yield []
+            yield None
             continue
         space.release()
         if not chunk:
-            break
-        *lines, rest = (rest + chunk).split(b"\n")
-        rest = rest[:_MAX_LINE_BYTES]
-        if lines:
-            yield lines
-    if rest:
-        yield [rest]
+            return
+        yield chunk
