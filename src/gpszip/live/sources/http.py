@@ -8,19 +8,16 @@ the server (503).
 from __future__ import annotations
 
 import asyncio
-import base64
 import contextlib
-import hmac
 import math
-import socket
 import time
-from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl
 
-from gpszip.errors import InputError, MissingExtraError, OptionError, OutputError
+from gpszip.errors import InputError, OptionError, OutputError
 from gpszip.live.fix import Fix, Unusable
 from gpszip.live.formats.apps import App, app_of, parse_message
 from gpszip.live.formats.owntracks import agent_of_topic
@@ -28,6 +25,15 @@ from gpszip.live.formats.query import parse_query
 from gpszip.live.formats.text import TextParser
 from gpszip.live.formats.values import Context, MessageError, clean_name, parse_json
 from gpszip.live.notices import Notices
+from gpszip.live.serving import (
+    PAUSE_SECONDS,
+    address_text,
+    bind,
+    credentials_of,
+    is_token,
+    require_server,
+    serve,
+)
 from gpszip.live.source import Receiver
 from gpszip.live.sources.rates import Rates
 
@@ -56,12 +62,6 @@ _MAX_LARGE = 16
 #: Seconds that a body may take.
 _BODY_SECONDS = 30.0
 
-#: Seconds until the head of a request is there; connections that send none are closed.
-_HEAD_SECONDS = 30.0
-
-#: Seconds that the answer to a wrong token takes, so that few can be tried.
-_PAUSE_SECONDS = 0.5
-
 #: Requests of one sender in a second. Apps send one after the other, and none comes near it.
 MAX_RATE = 1_000.0
 
@@ -70,9 +70,6 @@ _MAX_SENDER_LETTERS = 100
 
 #: Connections at once; more are told to come again.
 _MAX_CONNECTIONS = 2_000
-
-#: Connections that the system keeps until the server takes them.
-_BACKLOG = 1_024
 
 #: The answer after which each app drops what it sent.
 _ANSWERS = {
@@ -143,18 +140,16 @@ class HttpSource:
         max_rate: float = MAX_RATE,
         unseal: Callable[[Any], Any] | None = None,
     ) -> None:
-        _require_packages()
+        require_server("--http")
         self._notices, self._token, self._timezone = notices, token, timezone
         self._rates, self._unseal = Rates(max_rate), unseal
         self._health = health or dict
         self._large = asyncio.Semaphore(_MAX_LARGE)
-        self._socket = _bind(host, port)
-        bound = self._socket.getsockname()
-        self.address = f"[{bound[0]}]:{bound[1]}" if ":" in bound[0] else f"{bound[0]}:{bound[1]}"
+        self._socket = bind(host, port, "--http")
+        self.address = address_text(self._socket)
 
     async def run(self, receiver: Receiver) -> None:
         """Serve until the task is cancelled; then finish the requests that were taken."""
-        import uvicorn
         from starlette.applications import Starlette
         from starlette.routing import Route
 
@@ -164,31 +159,7 @@ class HttpSource:
 
         methods = ["GET", "POST", "PUT"]
         app = Starlette(routes=[Route("/{path:path}", answer, methods=methods)])
-        config = uvicorn.Config(
-            app,
-            # Other parsers than h11 have no limit for headers.
-            http=_protocol_class(),
-            ws="none",
-            log_level="error",
-            access_log=False,
-            lifespan="off",
-            server_header=False,
-            limit_concurrency=_MAX_CONNECTIONS,
-            h11_max_incomplete_event_size=2 * _MAX_QUERY_BYTES,
-            timeout_graceful_shutdown=5,
-        )
-
-        # The server must leave signals to the program that it is a part of.
-        server = _server_class()(config)
-        serving = asyncio.create_task(server.serve(sockets=[self._socket]))
-        try:
-            await asyncio.shield(serving)
-        except asyncio.CancelledError:
-            server.should_exit = True
-            await serving
-            raise
-        finally:
-            self._socket.close()
+        await serve(app, self._socket, _MAX_CONNECTIONS, 2 * _MAX_QUERY_BYTES)
 
     async def _answer(self, request: Request, receiver: Receiver) -> Response:
         """Answer a request."""
@@ -204,7 +175,7 @@ class HttpSource:
         user = self._user(headers, query)
         if user is None:
             self._notices.note("requests with a wrong token refused")
-            await asyncio.sleep(_PAUSE_SECONDS)
+            await asyncio.sleep(PAUSE_SECONDS)
             challenge = {"WWW-Authenticate": 'Basic realm="gpszip"'}
             return PlainTextResponse("wrong token\n", 401, headers=challenge)
         pause = self._rates.wait(_sender(request, query, headers, user), time.monotonic())
@@ -272,17 +243,9 @@ class HttpSource:
 
     def _user(self, headers: Mapping[str, str], query: Mapping[str, str]) -> str | None:
         """Return who is asking, an empty name for anybody; None if the token is wrong."""
-        # Basic authentication names a user, bearer tokens don't.
-        scheme, _, credentials = headers.get("authorization", "").partition(" ")
-        user, given = "", query.get("token", "")
-        if scheme.lower() == "bearer":
-            given = credentials.strip()
-        elif scheme.lower() == "basic":
-            user, given = _basic(credentials)
-        if self._token is None:
-            return user
-        is_right = hmac.compare_digest(given.encode("utf-8", "replace"), self._token.encode())
-        return user if is_right else None
+        user, given = credentials_of(headers.get("authorization", ""))
+        given = given or query.get("token", "")
+        return user if self._token is None or is_token(given, self._token) else None
 
     def _parse(self, message: _Message) -> tuple[App | None, list[Fix | Unusable]]:
         """Find the app that sent a message, and the fixes in it."""
@@ -451,16 +414,6 @@ def _fields(text: str) -> dict[str, str]:
     return {name.lower(): value for name, value in reversed(pairs)}
 
 
-def _basic(credentials: str) -> tuple[str, str]:
-    """User and password of basic authentication; empty ones where they can't be read."""
-    try:
-        text = base64.b64decode(credentials.strip(), validate=True).decode("utf-8")
-    except ValueError:
-        return "", ""
-    user, _, password = text.partition(":")
-    return user, password
-
-
 def _is_large(headers: Mapping[str, str]) -> bool:
     """Whether a body may be large: it says so, or does not say how large it is."""
     return "transfer-encoding" in headers or _declared(headers) > _LARGE_BYTES
@@ -503,83 +456,3 @@ async def _read_body(chunks: AsyncIterator[bytes], declared: int) -> tuple[bytes
         if max(size, declared) > _MAX_BODY_BYTES:
             return b"".join(parts), False
     return b"".join(parts), True
-
-
-def _bind(host: str, port: int) -> socket.socket:
-    """Return a socket that listens."""
-    try:
-        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        bound = socket.socket(family, socket.SOCK_STREAM)
-        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    except OSError as error:
-        raise _address_error(host, port, error) from error
-    try:
-        bound.bind((host, port))
-        bound.listen(_BACKLOG)
-    except OSError as error:
-        bound.close()
-        raise _address_error(host, port, error) from error
-    return bound
-
-
-def _address_error(host: str, port: int, error: OSError) -> OptionError:
-    return OptionError(
-        f"can't listen at {host}:{port}: {error.strerror or error}",
-        remedy="name another address or port with --http",
-    )
-
-
-def _require_packages() -> None:
-    try:
-        import starlette
-        import uvicorn
-    except ImportError:
-        raise MissingExtraError("live", "--http") from None
-    del starlette, uvicorn
-
-
-def _protocol_class() -> Any:
-    """A protocol that closes connections whose request does not come."""
-    import h11
-    from uvicorn.protocols.http.h11_impl import H11Protocol
-
-    class Protocol(H11Protocol):
-        waiting: asyncio.TimerHandle | None = None
-
-        def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-            super().connection_made(transport)
-            self.watch()
-
-        def data_received(self, data: bytes) -> None:
-            super().data_received(data)
-            self.watch()
-
-        def connection_lost(self, exc: Exception | None) -> None:
-            super().connection_lost(exc)
-            self.stop_waiting()
-
-        def watch(self) -> None:
-            """Wait for the end of a head from its first byte on."""
-            if self.conn.their_state is not h11.IDLE:
-                self.stop_waiting()
-            elif self.waiting is None:
-                self.waiting = self.loop.call_later(_HEAD_SECONDS, self.transport.close)
-
-        def stop_waiting(self) -> None:
-            if self.waiting is not None:
-                self.waiting.cancel()
-                self.waiting = None
-
-    return Protocol
-
-
-def _server_class() -> Any:
-    """A server that leaves signals alone."""
-    import uvicorn
-
-    class Server(uvicorn.Server):
-        @contextlib.contextmanager
-        def capture_signals(self) -> Iterator[None]:
-            yield
-
-    return Server
