@@ -13,6 +13,7 @@ import click
 
 from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
+from gpszip.cli.live_page import open_page, page_option
 from gpszip.cli.live_sources import open_subscriptions, owntracks_keys, subscription_options
 from gpszip.cli.options import Settings, check_token, common_options, quiet
 from gpszip.cli.outcome import Outcome
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from gpszip.live.follow import Follower
     from gpszip.live.listen import Rolling
     from gpszip.live.outbox import Outbox
+    from gpszip.live.page.server import PageServer
     from gpszip.live.rolling.roll import RollReport
 
 __all__ = ["command"]
@@ -107,6 +109,7 @@ _KEY_VARIABLE = "GPSZIP_EVENTS_KEY"
     callback=check_token,
     help="Sign what is sent to webhooks with this key.",
 )
+@page_option
 @click.option(
     "--silent-after",
     type=DURATION,
@@ -170,15 +173,17 @@ def command(
     lost, whenever the machine stops. Repeats are left out. What can't be used is counted and told,
     and not sent again by apps. With -o, the stays and trips of each agent, and what is wrong with
     its source, become events; with the archive of a map, also where it is on it, where it goes, and
-    what is unusual. Ctrl-C ends the command.
+    what is unusual. A browser shows all that with --page. Ctrl-C ends the command.
     """
     from gpszip.cli.output import print_status
     from gpszip.live import Journal, Notices, Recorder
 
     # Refuse what can be refused before anything is opened.
     is_quiet = quiet or settings.json
-    if choices["map"] and not choices["outputs"]:
-        raise click.UsageError("a map tells events; say where they go with -o, as -o events.ndjson")
+    if choices["map"] and not choices["outputs"] and not choices["page"]:
+        raise click.UsageError(
+            "a map tells events; say where they go with -o, as -o events.ndjson, or --page"
+        )
     if settings.json and "-" in choices["outputs"]:
         raise click.UsageError("--json and -o - both write to standard output; name a file")
     notices = Notices(_no_line if is_quiet else print_status)
@@ -194,8 +199,9 @@ def command(
         recorder = Recorder(journal, notices)
         tell = _no_line if is_quiet else print_status
         sources = _open_sources(choices | {"folder": folder}, timezone, notices, recorder, tell)
+        page = _open_page(choices, notices, tell)
         rolling = _rolling(folder, choices)
-        asyncio.run(_listen(sources, journal, recorder, notices, rolling, choices))
+        asyncio.run(_listen(sources, journal, recorder, notices, rolling, choices, page))
     finally:
         journal.close()
 
@@ -216,18 +222,29 @@ async def _listen(
     notices: Notices,
     rolling: Rolling | None,
     choices: dict[str, Any],
+    page: PageServer | None,
 ) -> None:
     from gpszip.live.listen import listen
 
-    events = _open_events(journal, notices, choices)
-    await listen(sources, journal, recorder, notices, rolling, events)
+    events = _open_events(journal, notices, choices, page)
+    await listen(sources, journal, recorder, notices, rolling, events, page)
+
+
+def _open_page(choices: dict[str, Any], notices: Notices, tell: Any) -> PageServer | None:
+    """The server of the live page; None where nobody wants it."""
+    if not choices["page"]:
+        return None
+    host, port = _address(choices["page"], "--page", 8086)
+    page = open_page(host, port, notices, choices["map"], choices["token"])
+    tell(f"live page at http://{page.address}/")
+    return page
 
 
 def _open_events(
-    journal: Journal, notices: Notices, choices: dict[str, Any]
+    journal: Journal, notices: Notices, choices: dict[str, Any], page: PageServer | None
 ) -> tuple[Follower, Outbox] | None:
     """What finds events and sends them; None where nobody wants any."""
-    if not choices["outputs"]:
+    if not choices["outputs"] and page is None:
         return None
     from gpszip.live.follow import Follower
     from gpszip.live.monitor.monitor import Monitor
@@ -237,13 +254,16 @@ def _open_events(
     # What is known of the map first, as it is what may be wrong.
     monitor = Monitor(choices["map"], delay=choices["delay"], silent_after=choices["silent_after"])
     sinks = {text: open_sink(text, choices["key"]) for text in choices["outputs"]}
+    if page is not None:
+        sinks["--page"] = page.board
     outbox = Outbox(journal.folder, sinks, notices)
     return Follower(journal, monitor, outbox, notices), outbox
 
 
 def _check_token_variable(choices: dict[str, Any]) -> None:
     """Refuse a server that everybody may use since a variable is empty: click takes it for none."""
-    if choices["http"] and choices["token"] is None and os.environ.get(_TOKEN_VARIABLE) == "":
+    is_server = choices["http"] or choices["page"]
+    if is_server and choices["token"] is None and os.environ.get(_TOKEN_VARIABLE) == "":
         raise click.UsageError(f"{_TOKEN_VARIABLE} is empty; set it to the token, or unset it")
 
 

@@ -14,6 +14,7 @@ from gpszip.live.follow import Follower
 from gpszip.live.journal import Journal
 from gpszip.live.notices import Notices
 from gpszip.live.outbox import Outbox
+from gpszip.live.page.server import PageServer
 from gpszip.live.recorder import Recorder
 from gpszip.live.source import FixSource
 
@@ -92,6 +93,7 @@ async def listen(
     notices: Notices,
     rolling: Rolling | None = None,
     events: tuple[Follower, Outbox] | None = None,
+    page: PageServer | None = None,
 ) -> None:
     """Run all sources; return when they have ended, or at SIGINT or SIGTERM.
 
@@ -109,6 +111,8 @@ async def listen(
         Appends the journal to an archive from time to time.
     events : tuple of Follower and Outbox, optional
         Find the events of the journal, and send them.
+    page : PageServer, optional
+        Shows what happens in browsers.
 
     Raises
     ------
@@ -122,6 +126,9 @@ async def listen(
         if events is not None:
             recorder.observer = events[0]
             beside += [asyncio.create_task(events[0].run()), *events[1].start()]
+        if page is not None:
+            recorder.watcher = page.board.take
+            beside.append(asyncio.create_task(page.run()))
         if rolling is not None:
             follower = None if events is None else events[0]
             beside.append(asyncio.create_task(rolling.run(journal, notices, follower)))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from gpszip.errors import OutputError
@@ -59,11 +59,14 @@ class Recorder:
     ----------
     observer : Observer or None
         Is told when the journal has new fixes.
+    watcher : callable or None
+        Gets the fixes that were stored, such as those that a page shows.
     """
 
     def __init__(self, journal: Journal, notices: Notices) -> None:
         self._journal, self._notices = journal, notices
         self.observer: Observer | None = None
+        self.watcher: Callable[[Sequence[Fix]], None] | None = None
         self._seen = Seen()
         self._waiting: list[tuple[list[Fix], asyncio.Future[None]]] = []
         self._writer: asyncio.Task[None] | None = None
@@ -182,6 +185,8 @@ class Recorder:
             self.last_received = time.time()
             if self.observer is not None:
                 self.observer.wake()
+            if self.watcher is not None:
+                self.watcher(fixes)
             self._notices.count("stored", len(fixes))
             stale = sum(Marks.STALE in fix.quality for fix in fixes)
             if stale:

@@ -8,9 +8,9 @@ from functools import lru_cache
 from importlib.resources import files
 from typing import Any
 
-from gpszip.view.script import join_modules
+from gpszip.view.script import ENTRY, join_modules
 
-__all__ = ["build_page"]
+__all__ = ["build_frame", "build_page", "to_json"]
 
 #: What stands in the template for the parts of a page, each once.
 _TITLE = "<!-- TITLE -->"
@@ -38,28 +38,40 @@ def build_page(scene: dict[str, Any]) -> str:
     >>> "<title>a &lt;b&gt;</title>" in page
     True
     """
-    page = _frame()
+    page = build_frame()
     page = page.replace(_TITLE, f"<title>{html.escape(scene['title'])}</title>")
-    data = f'<script type="application/json" id="scene">{_to_json(scene)}</script>'
+    data = f'<script type="application/json" id="scene">{to_json(scene)}</script>'
     return page.replace(_SCENE, data)
 
 
-def _to_json(value: Any) -> str:
+def to_json(value: Any) -> str:
     """JSON in which no text can end the element that holds it, nor begin another one."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     # A lone surrogate, of a file name that is no UTF-8, has no form in the page's encoding.
     return text.replace("<", "\\u003c").encode("utf-8", "backslashreplace").decode("utf-8")
 
 
-@lru_cache(maxsize=1)
-def _frame() -> str:
-    """The template with style and script: what all pages share."""
+@lru_cache(maxsize=2)
+def build_frame(
+    template: str = "page.html", styles: tuple[str, ...] = ("page.css",), entry: str = ENTRY
+) -> str:
+    """A template with its style and script.
+
+    Parameters
+    ----------
+    template : str
+        Name of the template.
+    styles : tuple of str
+        Names of style sheets.
+    entry : str
+        The module with which the script starts.
+    """
     assets = files("gpszip.view") / "assets"
     sources = {
         file.name: file.read_text(encoding="utf-8")
         for file in (assets / "script").iterdir()
         if file.name.endswith(".js")
     }
-    template = (assets / "page.html").read_text(encoding="utf-8")
-    style = (assets / "page.css").read_text(encoding="utf-8")
-    return template.replace(_STYLE, style).replace(_SCRIPT, join_modules(sources))
+    style = "".join((assets / name).read_text(encoding="utf-8") for name in styles)
+    page = (assets / template).read_text(encoding="utf-8")
+    return page.replace(_STYLE, style).replace(_SCRIPT, join_modules(sources, entry))

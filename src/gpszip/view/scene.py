@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gpszip.model import CleanMap, Network, RoadMap, Track, Walk
     from gpszip.model.match import Matching
 
-__all__ = ["MAX_SAMPLES", "ShownArchive", "build_scene", "log_scene", "map_scene"]
+__all__ = ["MAX_SAMPLES", "ShownArchive", "build_scene", "live_scene", "log_scene", "map_scene"]
 
 #: Samples of a log that a page holds at most: 3 to 5 MB.
 MAX_SAMPLES = 1_000_000
@@ -126,6 +126,28 @@ def map_scene(road_map: RoadMap, *, title: str) -> dict[str, Any]:
         **_show_map(road_map, step),
     }
     return _scene([entry], road_map.plane, [], title)
+
+
+def live_scene(archive: Archive | None, *, title: str) -> dict[str, Any]:
+    """Build the scene of a live page: the clean map of an archive, or nothing but a plane.
+
+    Parameters
+    ----------
+    archive : Archive or None
+        Its edges have the numbers that events name.
+    title : str
+        Title of the page.
+    """
+    if archive is None:
+        return _scene([_empty_entry(title, 2)], None, [], title)
+    step = _position_step(archive, None)
+    entry = {
+        **_empty_entry(title, archive.grid.dimension),
+        "facts": archive_facts(archive, None),
+        "nodes": _pack_positions(archive.road_map.nodes, step),
+        "clean": _show_clean_map(archive.clean_map(), step),
+    }
+    return _scene([entry], archive.grid.plane, [], title)
 
 
 def log_scene(tracks: Sequence[Track], *, title: str) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from urllib.parse import quote
 
 import pytest
 
-from gpszip.live import Notices, serving
+from gpszip.live import Notices
 from gpszip.live.formats.encrypted import OwnTracksKeys
 from gpszip.live.sources import http
 from live import bodies
@@ -157,7 +157,7 @@ def test_bodies_and_queries_are_limited(server):
 
 
 def test_a_request_that_does_not_come_ends_its_connection(monkeypatch):
-    monkeypatch.setattr(serving, "_HEAD_SECONDS", 0.1)
+    monkeypatch.setattr("gpszip.live.serving._HEAD_SECONDS", 0.1)
 
     async def ask(data):
         source = http.HttpSource("127.0.0.1", 0, Notices(print))

@@ -68,7 +68,7 @@ export function listenToKeys(app, actions) {
  * Whether a key belongs to the control that has the focus.
  * @param {KeyboardEvent} event
  */
-function isTyping({ target, key }) {
+export function isTyping({ target, key }) {
   if (!(target instanceof HTMLElement)) return false;
   if (/** @type {HTMLDialogElement} */ (find("help")).open) return key !== "?";
   const isInput = target instanceof HTMLInputElement;

@@ -69,7 +69,7 @@ function drawRange(app, pane, frame, range) {
  * @param {string} inner
  * @param {number} innerWidth
  */
-function strokeTwice(ctx, outer, outerWidth, inner, innerWidth) {
+export function strokeTwice(ctx, outer, outerWidth, inner, innerWidth) {
   ctx.lineCap = ctx.lineJoin = "round";
   ctx.strokeStyle = outer;
   ctx.lineWidth = outerWidth;
@@ -159,7 +159,7 @@ function drawAgents(app, pane, frame) {
  * A name, cut if it is long.
  * @param {string} name
  */
-function shorten(name) {
+export function shorten(name) {
   return name.length > MAX_NAME ? `${name.slice(0, MAX_NAME)}\u2026` : name;
 }
 
@@ -184,7 +184,7 @@ function agentColour(app, archive, track, frame) {
  * @param {number} radius
  * @param {string} colour
  */
-function drawDot({ ctx, theme }, x, y, radius, colour) {
+export function drawDot({ ctx, theme }, x, y, radius, colour) {
   ctx.beginPath();
   ctx.arc(x, y, radius, 0, 2 * Math.PI);
   ctx.fillStyle = colour;
@@ -261,7 +261,7 @@ function drawPointer(frame, pointer) {
  * Draw a cross in the middle for those who move the map with the keyboard.
  * @param {Frame} frame
  */
-function drawCentre(frame) {
+export function drawCentre(frame) {
   drawCross(frame, frame.width / 2, frame.height / 2, 7);
 }
 
