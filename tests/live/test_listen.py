@@ -25,6 +25,7 @@ from gpszip.live.events import Event, standing
 from gpszip.live.journal import segments
 from gpszip.live.listen import Rolling
 from live import bodies
+from live.page.running import Stream
 from live.running import kill_when, listening, request, stored
 from live.servers import free_port, wait_until
 
@@ -309,3 +310,35 @@ def test_a_key_of_the_environment_needs_its_extra_and_is_not_shown(listen, monke
     assert "GPSZIP_OWNTRACKS_KEY: key 1: a key has 54 bytes" in told.err
     monkeypatch.setitem(sys.modules, "nacl.secret", None)
     assert "pip install 'gpszip[encrypted]'" in listen("", "--stdin")[1].err
+
+
+@needs_server
+def test_a_page_shows_what_other_servers_took(tmp_path):
+    page = free_port()
+    options = ["--http", "127.0.0.1:0", "--page", page, "--delay", "0.1s"]
+    with listening(tmp_path / "journal", *options) as listener:
+        assert request(listener.port, "/owntracks", bodies.owntracks())[0] == 200
+        assert wait_until(lambda: f"live page at http://127.0.0.1:{page}/" in listener.lines)
+        stream = Stream(page)
+        ((name, source, *_),) = stream.next("agents")
+        assert (name, source) == ("ann/phone", "owntracks")
+        assert [each["kind"] for each in stream.next("events")] == ["source.stale"]
+
+        # An open page does not keep the listener from its end.
+        assert listener.end() == 0
+        stream.close()
+
+
+@needs_server
+def test_a_page_for_other_machines_needs_a_token(listen, monkeypatch):
+    code, told = listen("", "--page", "0.0.0.0:0")
+    assert code == 2
+    assert "other machines reach the page at 0.0.0.0; add a token with --token" in told.err
+    monkeypatch.setenv("GPSZIP_TOKEN", "")
+    code, told = listen("", "--page", "0.0.0.0:0")
+    assert code == 2
+    assert "GPSZIP_TOKEN is empty" in told.err
+    monkeypatch.setenv("GPSZIP_TOKEN", "secret")
+    code, told = listen(table(0, 5), "--page", "0.0.0.0:0")
+    assert code == 0
+    assert "live page at http://0.0.0.0:" in told.err

@@ -62,7 +62,7 @@ def build_frame(
     template : str
         Name of the template.
     styles : tuple of str
-        Names of style sheets.
+        Names of the files of its style.
     entry : str
         The module with which the script starts.
     """

@@ -6,8 +6,8 @@ from importlib.util import find_spec
 
 import pytest
 
-from live.page.running import Page as Server
 from live.page.running import TIME, event, fix, serving
+from live.page.running import Page as Server
 from view.browser.driving import Page
 
 pytestmark = pytest.mark.skipif(
