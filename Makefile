@@ -22,7 +22,7 @@ PYTHON ?= $(shell for p in $(CANDIDATES); do \
 export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := help
-.PHONY: help test lint types imports page warm pytest interop fuzz faults bench docs wheel man format demo clean
+.PHONY: help test lint types imports page warm pytest interop fuzz faults bench docs wheel man format demo demo-live clean
 
 help:
 	@echo "make test     check everything: ruff, mypy, import-linter, pytest; the 20 slowest tests are listed"
@@ -35,6 +35,7 @@ help:
 	@echo "make wheel    build in dist/ the source archive, and a wheel with compiled kernels for this platform and Python"
 	@echo "make man      write the man pages in build/man"
 	@echo "make demo     compress a generated robot patrol and draw the map that it learned over its points: demo/map.png"
+	@echo "make demo-live  show a generated fleet live: its map, a listener, its page in a browser; Ctrl-C ends it"
 	@echo "make format   lay out the code and mend what ruff can mend"
 	@echo "make clean    remove the environment, the demo and all caches"
 
@@ -110,6 +111,9 @@ format: $(VENV)/.dev
 
 demo: $(VENV)/.plot
 	$(BIN)/gpszip demo --out demo --force
+
+demo-live: $(VENV)/.live
+	$(BIN)/python scripts/demo_live.py
 
 clean:
 	rm -rf $(VENV) demo build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache fuzz-failures

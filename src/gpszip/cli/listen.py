@@ -78,7 +78,8 @@ _KEY_VARIABLE = "GPSZIP_EVENTS_KEY"
     envvar=_TOKEN_VARIABLE,
     show_envvar=True,
     callback=check_token,
-    help="What senders have to know: a bearer token, or the password of basic authentication.",
+    help="What senders and visitors of the page have to know: a bearer token, or the password of "
+    "basic authentication.",
 )
 @click.option(
     "--name", metavar="TEXT", help="Name of the agent where a receiver or stream names none."
