@@ -62,7 +62,7 @@ page:
 	@if npm install --silent --no-save --prefix $(NODE) typescript@5.9.3 eslint@9.39.5 prettier@3.10.1 >/dev/null 2>&1; then \
 		$(NODE)/node_modules/.bin/tsc --project . && \
 		$(NODE)/node_modules/.bin/eslint $(SCRIPT) && \
-		$(NODE)/node_modules/.bin/prettier --print-width 100 --check $(SCRIPT) $(SCRIPT)/../page.css; \
+		$(NODE)/node_modules/.bin/prettier --print-width 100 --check $(SCRIPT) $(SCRIPT)/../*.css; \
 	else echo "no npm, or no network: the script of the page is not checked" >&2; fi
 
 pytest: $(VENV)/.dev

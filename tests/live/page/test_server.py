@@ -91,6 +91,10 @@ def test_the_stream_tells_what_is_known_and_what_changes(page):
     page.take(fix("ann", 120, (48.002, 11.5)))
     assert stream.next("agents")[0][4] == 48.002
     page.notices.count("stored", 3)
+
+    # A phone sends what it kept: all of its way is shown.
+    page.take(*(fix("ann", 120 + 60 * k, (48.002 + k / 1e3, 11.5)) for k in (1, 2, 3)))
+    assert stream.next("tails")[0][-6:] == [1.7e9 + 240, 48.004, 11.5, 1.7e9 + 300, 48.005, 11.5]
     while stream.next("state")["counts"].get("stored") != 3:
         pass
     page.send(event("stay.end", "3"))

@@ -58,6 +58,8 @@ class AgentState:
         When any fix of it was stored last, in seconds since 1970.
     revision : int
         Number of the last change among those of all agents.
+    before : int
+        Number of the change before that.
     tail : array of float
         Time and two coordinates of each point of its way.
     outlook : Event, optional
@@ -67,6 +69,7 @@ class AgentState:
     fix: Fix
     heard: float
     revision: int = 0
+    before: int = 0
     tail: array[float] = field(default_factory=lambda: array("d"))
     outlook: Event | None = None
 
@@ -135,7 +138,7 @@ class Board:
             if agent is None:
                 agent = self._agents[fix.agent] = AgentState(fix, heard)
             agent.take(fix)
-            agent.heard, agent.revision = heard, self.revision
+            agent.heard, agent.before, agent.revision = heard, agent.revision, self.revision
             self._agents.move_to_end(fix.agent)
         while len(self._agents) > _MAX_AGENTS:
             self._agents.popitem(last=False)

@@ -265,13 +265,19 @@ class PageServer:
             await asyncio.sleep(_PERIOD - time.monotonic() % _PERIOD)
 
     def _moves(self, cursor: int) -> tuple[bytes, int]:
-        """Message with the agents that moved after a cursor, and the new cursor."""
+        """Messages with the agents that moved after a cursor, and the new cursor."""
+        # Nobody moved, or another stream asked the same.
         revision = self.board.revision
         if cursor == revision:
             return b"", cursor
         if self._moved[:2] != (cursor, revision):
             agents, after = self.board.agents_since(cursor, _MAX_MOVED)
             text = agents_message(agents) if agents else b""
+
+            # The ways of those that moved more than once, as of a phone that sends what it kept.
+            hasty = [agent for agent in agents if 0 < cursor < agent.before]
+            if hasty:
+                text += tails_message(hasty[:_TAILS_AT_ONCE])
             self._moved = (cursor, revision, text, after)
         return self._moved[2], self._moved[3]
 
