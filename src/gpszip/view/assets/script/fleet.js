@@ -55,8 +55,21 @@ const HEADING_STEP = 5;
 /** Metres from the middle of the plane beyond which positions are too distorted to be drawn. */
 const FAR = 2e6;
 
+/** Least probability of a next edge that is shown. */
+const LIKELY = 0.01;
+
 /** Kinds of events after which a prediction no longer holds. */
 const OUTLOOK_ENDS = new Set(["stay.start", "trip.end", "silent", "off_map.start"]);
+
+/**
+ * The edges that are likely to follow, the likeliest first.
+ * @param {LiveEvent | null} outlook
+ * @returns {{edge: number, probability: number}[]}
+ */
+export function nextEdges(outlook) {
+  const next = outlook?.details?.next;
+  return Array.isArray(next) ? next.filter(({ probability }) => probability >= LIKELY) : [];
+}
 
 /** Agents on the planes of a map, or on a plane about the first position. */
 export class Fleet {

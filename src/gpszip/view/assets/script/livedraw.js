@@ -8,6 +8,7 @@
  * @typedef {import("./fleet.js").Fleet} Fleet
  */
 
+import { nextEdges } from "./fleet.js";
 import { formatDuration } from "./format.js";
 import { drawText } from "./graticule.js";
 import { makeFrame } from "./map.js";
@@ -117,7 +118,7 @@ function drawWays(frame, fleet, seconds) {
  */
 function drawNext(frame, edges, { outlook }) {
   const { ctx, theme } = frame;
-  for (const { edge, probability } of outlook?.details?.next ?? []) {
+  for (const { edge, probability } of nextEdges(outlook)) {
     if (!(edge >= 0 && edge + 1 < edges.offsets.length)) continue;
     ctx.beginPath();
     for (let k = edges.offsets[edge]; k < edges.offsets[edge + 1]; k++)

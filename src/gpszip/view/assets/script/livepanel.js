@@ -8,6 +8,7 @@
  */
 
 import { fillSelect, find, findInput, make, makeTable, show } from "./dom.js";
+import { nextEdges } from "./fleet.js";
 import { formatCount, formatCountOf, formatDegrees, formatDuration } from "./format.js";
 import { formatLength, formatNumber, formatSpeed } from "./format.js";
 import { agentColourOf } from "./livedraw.js";
@@ -150,7 +151,7 @@ export class LivePanel {
    */
   outlook({ outlook, at }) {
     if (!outlook) return [];
-    const { arrival, low, high, metres, node, next } = outlook.details ?? {};
+    const { arrival, low, high, metres, node } = outlook.details ?? {};
     const likely = outlook.confidence === undefined ? "" : ` (${percent(outlook.confidence)})`;
     /** @type {[string, string][]} */
     const facts = [["Goes to", `node ${node}${likely}`]];
@@ -163,7 +164,7 @@ export class LivePanel {
     }
     if (Number.isFinite(metres))
       facts.push(["To go then", formatLength(metres, this.app.store.state.units)]);
-    const edges = Array.isArray(next) ? next : [];
+    const edges = nextEdges(outlook);
     if (edges.length)
       facts.push([
         "Next edges",
