@@ -24,9 +24,9 @@ class LivePage(Page):
 
     server: Server | None = None
 
-    def open(self):
+    def open(self, user="", query=""):
         self.errors()
-        self.driver.get(f"http://{self.server.server.address}/")
+        self.driver.get(f"http://{user}{self.server.server.address}/{query}")
         self.until(lambda: self.run("return document.documentElement.dataset.ready"))
         self.until(lambda: self.text("connection") == "Live")
         return self
@@ -137,3 +137,11 @@ def test_a_page_connects_again_when_the_listener_is_back(browser):
         page.until(lambda: len(page.rows("events")) == 2)
         page.until(lambda: len(page.rows("agents")) == 2)
         assert page.pixels("#009e73", overlay=True) > 20
+
+
+@pytest.mark.parametrize("place", [{"user": "ann:secret@"}, {"query": "?token=secret"}])
+def test_a_token_in_the_address_opens_the_page(browser, place):
+    with serving(token="secret") as server:
+        page = LivePage(browser, None, server).open(**place)
+        assert page.text("title") == "Live positions"
+        assert page.errors() == []

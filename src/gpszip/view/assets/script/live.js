@@ -18,7 +18,7 @@ import { drawMap, makePane, resizePane } from "./map.js";
 import { decodeScene } from "./scene.js";
 import { startSettings } from "./settings.js";
 import { Store } from "./store.js";
-import { listenToStream } from "./stream.js";
+import { addressOf, listenToStream } from "./stream.js";
 import { emptyBox, extend, findAreas, fitBox, seenBox, zoomView } from "./viewport.js";
 
 /** Zoom of a button. */
@@ -365,7 +365,7 @@ function mapLabel({ title }) {
 }
 
 try {
-  const answer = await fetch(`scene${window.location.search}`);
+  const answer = await fetch(addressOf("scene"));
   if (!answer.ok) throw new Error(`the map is not there (${answer.status})`);
   const scene = await decodeScene(await answer.json());
   new LivePage({ ...scene, epoch: "unix" }).start();

@@ -10,7 +10,7 @@
 import { fillSelect, find, findInput, make, makeTable, show } from "./dom.js";
 import { nextEdges } from "./fleet.js";
 import { formatCount, formatCountOf, formatDegrees, formatDuration } from "./format.js";
-import { formatLength, formatNumber, formatSpeed } from "./format.js";
+import { formatNumber, formatSpeed } from "./format.js";
 import { agentColourOf } from "./livedraw.js";
 import { formatTime } from "./times.js";
 
@@ -151,7 +151,7 @@ export class LivePanel {
    */
   outlook({ outlook, at }) {
     if (!outlook) return [];
-    const { arrival, low, high, metres, node } = outlook.details ?? {};
+    const { arrival, low, high, node } = outlook.details ?? {};
     const likely = outlook.confidence === undefined ? "" : ` (${percent(outlook.confidence)})`;
     /** @type {[string, string][]} */
     const facts = [["Goes to", `node ${node}${likely}`]];
@@ -160,10 +160,8 @@ export class LivePanel {
       const isLate = left < 0 ? "expected" : `in ${formatDuration(Math.round(left))},`;
       facts.push(["Arrives", `${isLate} ${this.formatTime(arrival, "time")}`]);
       const range = [low, high].map((time) => this.formatTime(time, "time")).join(" to ");
-      facts.push(["8 of 10 arrive", range]);
+      facts.push(["80\u202f% arrive", range]);
     }
-    if (Number.isFinite(metres))
-      facts.push(["To go then", formatLength(metres, this.app.store.state.units)]);
     const edges = nextEdges(outlook);
     if (edges.length)
       facts.push([

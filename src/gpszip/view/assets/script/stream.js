@@ -14,6 +14,16 @@ const RETRY_MILLISECONDS = 3000;
 const LOOK_MILLISECONDS = 1000;
 
 /**
+ * Address of a file of the server, without a user and password that the page's own may have: with
+ * them, browsers refuse to ask.
+ * @param {string} name
+ */
+export function addressOf(name) {
+  const { origin, pathname, search } = window.location;
+  return new URL(name + search, origin + pathname).href;
+}
+
+/**
  * Listen to the stream.
  * @param {Record<string, (data: any) => void>} listeners by the kind of message
  * @param {(state: Connection) => void} tell called when the connection changes
@@ -25,7 +35,7 @@ export function listenToStream(listeners, tell) {
 
   const connect = () => {
     heard = Date.now();
-    source = new EventSource(`stream${window.location.search}`);
+    source = new EventSource(addressOf("stream"));
     for (const [kind, listener] of Object.entries(listeners)) {
       source.addEventListener(kind, ({ data }) => {
         heard = Date.now();
