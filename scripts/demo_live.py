@@ -41,11 +41,14 @@ START_SECONDS = 120.0
 
 def main() -> int:
     """Run the demo; return 1 if no position arrived."""
+    # For how long.
     parser = argparse.ArgumentParser(description="Show live positions end to end.")
     parser.add_argument("--seconds", type=float, help="end after so many seconds")
     seconds = parser.parse_args().seconds
     if seconds is None and os.environ.get("CI"):
         seconds = UNWATCHED_SECONDS
+
+    # The map of the first day, then the second day live.
     with tempfile.TemporaryDirectory(prefix="gpszip-demo-") as name:
         folder = Path(name)
         write_logs(folder)

@@ -32,22 +32,20 @@ def message(kind: str, value: Any, id: str = "") -> bytes:
 
 def agents_message(agents: Iterable[AgentState]) -> bytes:
     """Where agents are: a row each, in which the page looks fields up by their places."""
-    rows = []
-    for agent in agents:
-        fix = agent.fix
-        rows.append(
-            [
-                fix.agent,
-                fix.source,
-                round(fix.time, _DECIMALS),
-                round(agent.heard, _DECIMALS),
-                *_coordinates(fix, fix.position[0], fix.position[1]),
-                _rounded(fix.heading),
-                _rounded(fix.speed),
-                int(fix.geographic),
-            ]
-        )
-    return message("agents", rows)
+    return message("agents", [_agent_row(agent.fix, agent.heard) for agent in agents])
+
+
+def _agent_row(fix: Fix, heard: float) -> list[Any]:
+    return [
+        fix.agent,
+        fix.source,
+        round(fix.time, _DECIMALS),
+        round(heard, _DECIMALS),
+        *_coordinates(fix, fix.position[0], fix.position[1]),
+        _rounded(fix.heading),
+        _rounded(fix.speed),
+        int(fix.geographic),
+    ]
 
 
 def tails_message(agents: Iterable[AgentState]) -> bytes:
