@@ -28,7 +28,7 @@ const MAX_GOALS = 12;
 const MAX_SEGMENTS = 20000;
 
 /** CSS pixels of a name: its height, and the width of a letter. */
-const NAME_HEIGHT = 14;
+const AGENT_NAME_HEIGHT = 14;
 const LETTER_WIDTH = 6.6;
 
 /** Names that are looked at, and written, at most. */
@@ -234,7 +234,7 @@ function drawNames(frame, fleet, seen, chosen) {
     const text = shorten(agent.name) + since;
     const [left, right] = [x + 13, x + 13 + text.length * LETTER_WIDTH];
     const isFree = written.every(
-      ([from, to, height]) => left > to || right < from || Math.abs(height - y) > NAME_HEIGHT,
+      ([from, to, height]) => left > to || right < from || Math.abs(height - y) > AGENT_NAME_HEIGHT,
     );
     if (!isFree) continue;
     written.push([left, right, y]);

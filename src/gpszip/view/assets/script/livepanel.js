@@ -15,7 +15,7 @@ import { agentColourOf } from "./livedraw.js";
 import { formatTime } from "./times.js";
 
 /** Agents and events that are listed at most. */
-const MAX_ROWS = 100;
+const LISTED_ROWS = 100;
 
 /** Events that are kept. */
 const MAX_KEPT = 1000;
@@ -68,7 +68,7 @@ export class LivePanel {
     const wanted = findInput("agents-find").value.trim().toLowerCase();
     const found = [...agents.values()].filter(({ name }) => name.toLowerCase().includes(wanted));
     found.sort((a, b) => a.name.localeCompare(b.name, "en", { numeric: true }));
-    const shown = found.slice(0, MAX_ROWS);
+    const shown = found.slice(0, LISTED_ROWS);
 
     // Other agents than before.
     const listed = JSON.stringify(shown.map(({ name }) => name));
@@ -249,7 +249,7 @@ export class LivePanel {
     find("events").prepend(item);
     this.items.set(event.id, item);
     for (const [id, oldest] of this.items) {
-      if (this.items.size <= MAX_ROWS) break;
+      if (this.items.size <= LISTED_ROWS) break;
       oldest.remove();
       this.items.delete(id);
     }
