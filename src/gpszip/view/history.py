@@ -1,4 +1,4 @@
-"""What a page shows of a history: places, trips, use of edges, changes, unusual stretches, rounds.
+"""What a page shows of a history: places, trips, use of edges, changes, unusual trips, rounds.
 
 A trip, a stay or a round is a track and two times: the page has the walks already. An edge is its
 number on the clean map.
@@ -113,6 +113,8 @@ class _Placing:
     def __call__(self, positions: Sequence[Sequence[float]]) -> Floats:
         """Return positions in metres, shape (n, 2), of latitudes and longitudes, or x and y."""
         rows = np.array([[*each[:2], 0.0][:2] for each in positions], np.float64).reshape(-1, 2)
+        if not len(rows):
+            return rows
         if self.plane is not None:
             rows = to_plane(rows[:, 0], rows[:, 1], self.plane)
         return rows if self.move is None else self.move(rows)
@@ -190,7 +192,7 @@ def hours_of_week(calendar: Calendar, times: Floats) -> NDArray[np.int64]:
 
 
 def _show_unusual(found: Unusual, tracks: dict[str, int], place: _Placing) -> list[dict[str, Any]]:
-    """The most unusual trips that have a reason, each with its most unusual stretch."""
+    """The most unusual trips that have a reason, each with its most unusual part."""
     ranked = [trip for trip in found.ranked if trip.anomalies][:_MAX_UNUSUAL]
     positions = place([trip.anomalies[0].position for trip in ranked])
     return [
