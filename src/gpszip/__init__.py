@@ -115,6 +115,7 @@ if TYPE_CHECKING:
     )
     from gpszip.sketches.stream import CoresetStream
     from gpszip.view.plot import plot
+    from gpszip.view.report.report import HistoryReport, report
     from gpszip.view.write import write_page
 
 __version__ = "0.1.0"
@@ -145,6 +146,7 @@ __all__ = [
     "FarPlace",
     "FinalisedPosition",
     "GPSZipError",
+    "HistoryReport",
     "InputError",
     "LeftOut",
     "Likelihood",
@@ -241,6 +243,7 @@ __all__ = [
     "plot",
     "polyline",
     "read",
+    "report",
     "rounds",
     "route",
     "save_coreset",
@@ -426,6 +429,7 @@ _HOMES = {
     ),
     "gpszip.sketches.stream": ("CoresetStream",),
     "gpszip.view.plot": ("plot",),
+    "gpszip.view.report.report": ("HistoryReport", "report"),
     "gpszip.view.write": ("write_page",),
 }
 

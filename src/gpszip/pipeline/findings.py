@@ -151,7 +151,7 @@ def find_all(
 
     # Stays and trips: a log that stands still has stays, too.
     trips = None
-    log = [track for track in tracks if track.timed]
+    log = [track for track in tracks if track.timed and track.id in archive]
     if "trips" in parts or "unusual" in parts:
         trips = _try(
             notes,
