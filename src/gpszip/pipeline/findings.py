@@ -145,7 +145,9 @@ def find_all(
         history = read_history(archive)
     except InputError as error:
         history = None
-        notes = dict.fromkeys(PARTS[1:], error.reason)
+        is_still = not len(archive.clean_map())
+        reason = "nothing moves in it" if is_still else error.reason
+        notes = dict.fromkeys(PARTS[1:], reason)
     calendar = _choose_calendar(history, span, timezone)
     zone = calendar.name if calendar.source in {"option", "place"} else None
 

@@ -105,7 +105,7 @@ def score_own_trips(
     Raises
     ------
     OptionError
-        If there are too few trips with times.
+        If there are no times, or too few trips.
 
     Examples
     --------
@@ -121,12 +121,17 @@ def score_own_trips(
     # Trips with times, in the order of time, and which of them teach which others.
     network, rows = history
     rows = rows.take(np.isfinite(rows.enter))
+    if not len(rows):
+        raise OptionError("no track has times, so there are no trips to compare")
     number = np.cumsum(_trip_begins(rows)) if spans is None else _number_spans(rows, spans)
     rows, number = rows.take(number >= 0), number[number >= 0]
     first = np.flatnonzero(np.diff(number, prepend=-1))
     end = np.append(first[1:], len(rows)) if len(first) else first
     of_row = np.repeat(np.arange(len(first)), end - first)
-    begins = rows.enter[first]
+    times = np.stack([rows.enter[first], rows.leave[end - 1]], axis=1)
+    if spans is not None:
+        times = np.array([spans[each][1:] for each in number[first].tolist()]).reshape(-1, 2)
+    begins = times[:, 0]
     place = np.empty(len(first), np.int64)
     place[np.argsort(begins, kind="stable")] = np.arange(len(first))
     after = place % 2 == 0 if since is None else begins >= since
@@ -147,8 +152,8 @@ def score_own_trips(
         for trip in np.flatnonzero(asked & is_scored).tolist():
             own = np.arange(first[trip], end[trip])
             track = int(rows.track[own[0]])
-            span = float(rows.enter[own[0]]), float(rows.leave[own[-1]])
-            scored[trip] = usual.score(LogTrip(track, *span, own, ()), rows.ids[track], rows)
+            asked_trip = LogTrip(track, float(begins[trip]), float(times[trip, 1]), own, ())
+            scored[trip] = usual.score(asked_trip, rows.ids[track], rows)
         told += _predict(usual, rows, asked[of_row], _MAX_DECISIONS // len(folds))
 
     # All of them.
@@ -166,18 +171,17 @@ def _trip_begins(rows: Traversals) -> Mask:
 
 
 def _number_spans(rows: Traversals, spans: Sequence[tuple[str, float, float]]) -> Ints:
-    """Span in which the middle of each traversal lies, shape (n,); -1 for none."""
+    """Last span with which each traversal has some time in common, shape (n,); -1 for none."""
     number = np.full(len(rows), -1, np.int64)
     bounds = np.searchsorted(rows.track, np.arange(len(rows.ids) + 1)).tolist()
-    middle = 0.5 * (rows.enter + rows.leave)
     for track, id in enumerate(rows.ids):
         own = [(start, end, i) for i, (name, start, end) in enumerate(spans) if name == id]
         if not own:
             continue
         starts, ends, numbers = (np.array(each) for each in zip(*sorted(own), strict=True))
         part = slice(bounds[track], bounds[track + 1])
-        last = np.searchsorted(starts, middle[part], side="right") - 1
-        is_inside = (last >= 0) & (middle[part] <= ends[last])
+        last = np.searchsorted(starts, rows.leave[part]) - 1
+        is_inside = (last >= 0) & (rows.enter[part] < ends[last])
         number[part] = np.where(is_inside, numbers[last], -1)
     return number
 

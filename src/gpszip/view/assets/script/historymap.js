@@ -145,7 +145,7 @@ export function drawHistory({ store }, { archive }, frame) {
     drawClassed(frame, rounds, [theme.routes, theme.error], 5, true);
   if (layers.trips) {
     const number = track === null ? -1 : (archive.tracks.numbers.get(track) ?? -1);
-    const classes = trips.classes.slice();
+    const classes = number < 0 ? trips.classes : trips.classes.slice();
     if (number >= 0) {
       classes.fill(CATEGORIES.length, 0, archive.tracks.offsets[number]);
       classes.fill(CATEGORIES.length, archive.tracks.offsets[number + 1]);
