@@ -1,6 +1,6 @@
 """Small pictures of a report: bars, hours of the week, speeds by hour, as inline SVG.
 
-Colours are classes of the style sheet, so that they follow light, dark and print. Each picture has
+Colours are classes of report.css, so that they follow light, dark and print. Each picture has
 a text for those who don't see it, and each bar a title.
 """
 

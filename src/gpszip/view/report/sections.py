@@ -19,6 +19,7 @@ from gpszip.view.report.texts import (
     duration_text,
     join_words,
     length_text,
+    share_text,
     speed_text,
     time_text,
 )
@@ -89,14 +90,14 @@ def _tell_travel(numbers: Numbers) -> str:
         return "Nothing moves in it."
     text = f"{_strong(length_text(travel['metres']))} were travelled"
     if travel["moving_s"]:
-        text += f" in {_strong(duration_text(travel['moving_s']))} of motion"
+        text += f" in {_strong(duration_text(travel['moving_s'], in_days=False))} of motion"
         text += f", {speed_text(travel['speed'], fast=_is_fast(numbers))} on average"
     if trips is not None and trips["trips"]:
         made = count_text(trips["trips"], "trip")
         text += f", on {_strong(made)} between {count_text(trips['places'], 'place')}"
     text += "."
     if travel["repeated"] is not None and travel["metres"]:
-        share = f"{travel['repeated']:.0%}"
+        share = share_text(travel["repeated"])
         text += (
             f" The map has {length_text(travel['network_metres'])} of edges; {_strong(share)} of "
             "the way was on edges that were travelled before."
@@ -358,7 +359,7 @@ def _write_rounds(numbers: Numbers, calendar: Calendar) -> str:
     text = (
         f"The usual round is {_strong(length_text(rounds['length']))} long"
         + (f" and takes {_strong(duration_text(rounds['duration']))}" if rounds["duration"] else "")
-        + f"; it tells {rounds['regularity']:.0%} of all travel. "
+        + f"; it tells {share_text(rounds['regularity'])} of all travel. "
         f"{_strong(complete)} rounds are complete."
     )
     bars = [
@@ -383,7 +384,7 @@ def _write_rounds(numbers: Numbers, calendar: Calendar) -> str:
             each["track"],
             str(each["round"]),
             time_text(each["start"], calendar),
-            f"{each['share']:.0%}",
+            share_text(each["share"]),
             _late(each["late_s"]),
             ", ".join(map(str, each["missed"][:8])) or "none",
         ]
@@ -412,7 +413,7 @@ def _write_prediction(numbers: Numbers) -> str:
     found = numbers["prediction"]
     if found is None:
         return _cannot(numbers, "unusual", "there are too few crossings to tell")
-    right = f"{found['right']:.0%}"
+    right = share_text(found["right"])
     return _paragraph(
         f"Where there are two ways on or more, the edge that is taken next is the likeliest one in "
         f"{_strong(right)} of {count_text(found['decisions'], 'decision')} of trips "

@@ -7,10 +7,21 @@ from datetime import datetime
 from gpszip.history.calendar import Calendar
 from gpszip.model.text import count_text
 
-__all__ = ["bytes_text", "duration_text", "join_words", "length_text", "speed_text", "time_text"]
+__all__ = [
+    "bytes_text",
+    "duration_text",
+    "join_words",
+    "length_text",
+    "share_text",
+    "speed_text",
+    "time_text",
+]
 
 #: Seconds of a day, an hour and a minute.
 _DAY, _HOUR, _MINUTE = 86_400.0, 3600.0, 60.0
+
+#: Share that would be rounded to all.
+_NEARLY_ALL = 0.995
 
 #: Days from which durations are told in days.
 _IN_DAYS = 10
@@ -32,15 +43,15 @@ def length_text(metres: float | None) -> str:
     return f"{kilometres:,.0f} km" if kilometres >= 100 else f"{kilometres:.1f} km"
 
 
-def duration_text(seconds: float | None) -> str:
-    """Seconds in the two largest units that fit.
+def duration_text(seconds: float | None, *, in_days: bool = True) -> str:
+    """Seconds in the two largest units that fit; ``in_days`` from ten days on.
 
     Examples
     --------
     >>> duration_text(53.7), duration_text(754), duration_text(7_000), duration_text(200_000)
     ('54 s', '13 min', '1 h 57 min', '56 h')
-    >>> duration_text(4_482_000)
-    '52 days'
+    >>> duration_text(4_482_000), duration_text(4_482_000, in_days=False)
+    ('52 days', '1,245 h')
     """
     if seconds is None:
         return "unknown"
@@ -51,9 +62,20 @@ def duration_text(seconds: float | None) -> str:
     if seconds < _DAY:
         hours, minutes = divmod(round(seconds / _MINUTE), 60)
         return f"{hours} h {minutes} min" if minutes else f"{hours} h"
-    return (
-        f"{seconds / _HOUR:.0f} h" if seconds < _IN_DAYS * _DAY else f"{seconds / _DAY:,.0f} days"
-    )
+    if in_days and seconds >= _IN_DAYS * _DAY:
+        return f"{seconds / _DAY:,.0f} days"
+    return f"{seconds / _HOUR:,.0f} h"
+
+
+def share_text(share: float) -> str:
+    """A share in percent; only all of it is 100 %.
+
+    Examples
+    --------
+    >>> share_text(0.764), share_text(0.9962), share_text(1.0)
+    ('76 %', 'over 99 %', '100 %')
+    """
+    return "over 99 %" if _NEARLY_ALL <= share < 1 else f"{share * 100:.0f} %"
 
 
 def speed_text(speed: float | None, *, fast: bool) -> str:
