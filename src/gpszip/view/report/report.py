@@ -118,10 +118,11 @@ def report(
 
     Examples
     --------
-    >>> from gpszip.testing import shuttles
-    >>> told = report(shuttles(2, lines=2, days=1, blocks=3, period=30.0).tracks)
-    >>> told.numbers["travel"]["tracks"], told.numbers["cannot_tell"]["rounds"]
-    (2, "travel doesn't repeat in rounds")
+    >>> corners = [[0, 0], [90, 0], [90, 60], [0, 60]]
+    >>> guard = Track("guard", [30.0 * i for i in range(41)], [*corners * 10, [0, 0]])
+    >>> told = report(guard)
+    >>> told.numbers["rounds"]["rounds"], told.numbers["cannot_tell"]
+    (10, {'unusual': 'there are too few trips to tell what is usual'})
     """
     from gpszip.pipeline.findings import find_all
 
