@@ -58,6 +58,7 @@ def show_history(found: Findings, archive: Archive, move: Move | None = None) ->
     move : callable, optional
         Moves positions of the archive's plane to that of the page.
     """
+    # Parts that are not known stay empty.
     tracks = {id: number for number, id in enumerate(archive.ids)}
     place = _Placing(archive.grid.plane, move)
     shown: dict[str, Any] = {
@@ -69,10 +70,14 @@ def show_history(found: Findings, archive: Archive, move: Move | None = None) ->
         "unusual": None,
         "rounds": None,
     }
+
+    # Places, trips and the use of edges.
     if found.trips is not None:
         shown["places"] = _show_trips(found, tracks, place)
     if found.usage is not None and found.history is not None:
         shown["usage"] = _show_usage(found.usage.traversals, found)
+
+    # Changes, unusual trips and rounds.
     if found.changes is not None:
         shown["changes"] = [
             {
@@ -134,6 +139,8 @@ def _show_trips(found: Findings, tracks: dict[str, int], place: _Placing) -> dic
     trips = found.trips
     if trips is None:
         return None
+
+    # Stays and trips are parts of tracks: their lines are those of the walks.
     positions = place([each.position for each in trips.places])
     return {
         "x": pack_numbers(positions[:, 0], _STEP),

@@ -144,6 +144,7 @@ def draw_speeds(
     top : str
         The largest quartile, with its unit.
     """
+    # The middle half of the speeds, and the median on it.
     most = max((high for _, _, high in quartiles), default=0.0) or 1.0
     step = (_WIDTH - _LEFT) / 24
     shapes = []
@@ -155,6 +156,8 @@ def draw_speeds(
             f'height="{max(y_low - y_high, 1):.1f}" rx="3"/>'
             f'<circle class="marked" cx="{x:.1f}" cy="{y_middle:.1f}" r="3.5"/>'
         )
+
+    # Hours below them.
     labels = [
         _text(_LEFT + hour * step, _TOP + _HEIGHT + 14, str(hour), "middle")
         for hour in range(0, 24, 3)

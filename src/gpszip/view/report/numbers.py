@@ -70,10 +70,13 @@ def collect_numbers(
     dict
         Plain values for JSON. A part that can't be told is None, and ``cannot_tell`` says why.
     """
+    # Traversals with times, if there are any.
     rows = found.history.traversals if found.history is not None else None
     timed = None if rows is None else rows.take(np.isfinite(rows.enter))
     if timed is not None and not len(timed):
         timed = None
+
+    # All parts.
     return {
         "name": name,
         "archive": _count_archive(archive, read_result),
@@ -114,6 +117,8 @@ def _tell_period(found: Findings, archive: Archive, timed: Traversals | None) ->
     span = archive.time_range
     if span is None:
         return None
+
+    # Local dates, and those of traversals.
     calendar = found.calendar
     first, last = np.floor(calendar.local(list(span)) / _DAY)
     moved = 0
@@ -153,6 +158,8 @@ def _count_trips(found: Findings) -> Numbers | None:
     trips = found.trips
     if trips is None:
         return None
+
+    # Medians, as single long trips say little of the others.
     lengths = [trip.length for trip in trips.trips]
     durations = [trip.end - trip.start for trip in trips.trips]
     return {
@@ -197,6 +204,7 @@ def _count_activity(found: Findings, timed: Traversals | None) -> Numbers | None
 
 def _choose_periods(local: Floats, *, dated: bool) -> tuple[str, Callable[[Floats], Floats]]:
     """Unit of periods, and the function that numbers those of local times."""
+    # The unit that gives a dozen bars or a few dozen.
     days = float(np.ptp(local)) / _DAY
     if days < _DAYS_FROM:
         return "hour", lambda times: np.floor(times / _HOUR)
@@ -240,6 +248,9 @@ def _name_period(unit: str, number: int, calendar: Calendar) -> str:
 def _list_places(found: Findings) -> list[Numbers] | None:
     if found.trips is None:
         return None
+
+    # A centimetre on the earth is the seventh digit; errors are metres.
+    # Six digits of degrees, and one of metres, are a decimetre.
     names = ("x", "y") if not found.trips.geographic else ("lat", "lon")
     digits = 1 if not found.trips.geographic else 6
     return [
@@ -270,6 +281,7 @@ def _metres_by_hour(calendar: Calendar, timed: Traversals) -> list[float]:
 
 def _speeds_by_hour(calendar: Calendar, timed: Traversals) -> list[Numbers]:
     """Speeds of all edges in each hour in which somebody moves, without standing."""
+    # Quartiles over the metres travelled.
     speeds = traversal_speeds(timed)
     known = np.isfinite(speeds)
     hour = calendar.part("hour", timed.enter[known])
@@ -277,6 +289,8 @@ def _speeds_by_hour(calendar: Calendar, timed: Traversals) -> list[Numbers]:
         hour, speeds[known], timed.metres[known], _DAY_HOURS, (0.25, 0.5, 0.75)
     )
     counts = np.bincount(hour, minlength=_DAY_HOURS)
+
+    # Hours in which nobody moves are left out.
     return [
         {
             "hour": number,
@@ -333,6 +347,8 @@ def _list_changes(found: Findings) -> Numbers | None:
     changes = found.changes
     if changes is None:
         return None
+
+    # Those that are surest.
     rows = sorted(changes.changes, key=lambda each: -each.evidence)[:_MAX_CHANGES]
     return {
         "since": _known(changes.since),
@@ -360,6 +376,8 @@ def _list_unusual(found: Findings) -> Numbers | None:
     own = found.unusual
     if own is None:
         return None
+
+    # Those that have a reason.
     ranked = [trip for trip in own.unusual.ranked if trip.anomalies][:_MAX_UNUSUAL]
     names = ("lat", "lon") if own.unusual.geographic else ("x", "y")
     return {
@@ -386,6 +404,8 @@ def _list_rounds(found: Findings) -> Numbers | None:
     rounds = found.rounds
     if rounds is None:
         return None
+
+    # Those that cover least, then those that are late.
     ordered = sorted(rounds.rounds, key=lambda each: (each.share, -np.nan_to_num(each.late)))
     return {
         "edges": len(rounds.usual),

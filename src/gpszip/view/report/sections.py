@@ -88,6 +88,8 @@ def _tell_travel(numbers: Numbers) -> str:
     travel, trips = numbers["travel"], numbers["trips"]
     if travel is None:
         return "Nothing moves in it."
+
+    # Distance, time and trips, as far as they are known.
     text = f"{_strong(length_text(travel['metres']))} were travelled"
     if travel["moving_s"]:
         text += f" in {_strong(duration_text(travel['moving_s'], in_days=False))} of motion"
@@ -96,6 +98,8 @@ def _tell_travel(numbers: Numbers) -> str:
         made = count_text(trips["trips"], "trip")
         text += f", on {_strong(made)} between {count_text(trips['places'], 'place')}"
     text += "."
+
+    # How much of it is known.
     if travel["repeated"] is not None and travel["metres"]:
         share = share_text(travel["repeated"])
         text += (
@@ -235,6 +239,8 @@ def _write_edges(numbers: Numbers) -> str:
     edges, speeds, travel = numbers["edges"], numbers["speeds"], numbers["travel"]
     if not edges or travel is None:
         return _cannot(numbers, "usage", "nothing moves in the log")
+
+    # The busiest edge in a sentence, and others in a table.
     fast = _is_fast(numbers)
     first = edges[0]
     passes = first["forward"] + first["backward"]
@@ -267,6 +273,8 @@ def _write_speeds(speeds: list[Numbers] | None, *, fast: bool) -> str:
     if len(speeds) < 2:
         middle = speed_text(speeds[0]["speed"], fast=fast)
         return _paragraph(f"All travel is in one hour of the day, at a median of {middle}.")
+
+    # The extremes in a sentence, and all hours in a picture.
     fastest = max(speeds, key=lambda each: each["speed"])
     slowest = min(speeds, key=lambda each: each["speed"])
     text = (
@@ -289,6 +297,8 @@ def _write_changes(numbers: Numbers, calendar: Calendar) -> str:
     changes = numbers["changes"]
     if changes is None:
         return _cannot(numbers, "changes", "there is too little history")
+
+    # How much was compared, and what chance would tell.
     since = _strong(time_text(changes["since"], calendar))
     expected = max(changes["expected_false"], 0.01)
     alarms = (
@@ -300,6 +310,8 @@ def _write_changes(numbers: Numbers, calendar: Calendar) -> str:
             f"{_strong('No change')} of the map was found since {since}. {alarms} Nothing is "
             "claimed where nobody came by."
         )
+
+    # The changes.
     kinds = Counter(change["kind"] for change in changes["rows"])
     what = join_words([f"{count:,} {kind}" for kind, count in kinds.items()])
     text = f"Since {since}: {_strong(what)}. {alarms}"
@@ -325,6 +337,8 @@ def _write_unusual(numbers: Numbers, calendar: Calendar) -> str:
     unusual, period = numbers["unusual"], numbers["period"]
     if unusual is None or period is None:
         return _cannot(numbers, "unusual", "there are too few trips to tell what is usual")
+
+    # What was compared.
     text = (
         f"{_strong(count_text(unusual['trips'], 'trip'))} were compared with what others did: "
         "each bit of a score is a factor of two in probability."
@@ -333,6 +347,8 @@ def _write_unusual(numbers: Numbers, calendar: Calendar) -> str:
         text += f" {count_text(unusual['left_out'], 'earlier trip')} were not scored."
     if not unusual["rows"]:
         return _paragraph(text + " None of them has anything unusual.")
+
+    # The ranking.
     first = unusual["rows"][0]
     text += f" The most unusual one: {_strong(html.escape(first['reason']))}."
     rows = [
@@ -493,11 +509,14 @@ def _position(row: Numbers) -> str:
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]], left: Sequence[int] = ()) -> str:
     """A table; columns of numbers are aligned at the right."""
+    # Texts are at the left, numbers at the right.
     kinds = ['class="left"' if i in left else "" for i in range(len(head))]
     cells = "".join(
         f'<th scope="col" {kind}>{html.escape(text)}</th>'
         for text, kind in zip(head, kinds, strict=True)
     )
+
+    # One row for each.
     body = "".join(
         "<tr>"
         + "".join(
