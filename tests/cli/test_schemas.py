@@ -76,6 +76,8 @@ COMMANDS = [
     "replay place.csv --as nmea --to udp://127.0.0.1:9",
     "usage walk.gpsz --by none",
     "rounds patrol.csv -o out.csv",
+    "report patrol.csv -o out.html",
+    "report two.gpsz -o out.html",
     "changes walk.gpsz walk.csv",
     "route walk.gpsz 1,1 20,1 -o out.geojson",
     "usage walk.csv --likelihood walk.csv --by hour -o out.csv",
