@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 
 from gpszip.container.layout import Cursor
 from gpszip.errors import CorruptArchiveError
+from gpszip.lossless.guide_search import GuideFinder
 from gpszip.lossless.notation import decode_notation, encode_notation, find_notation
 from gpszip.lossless.text import MAX_BLOCK_BYTES, _split, decode_block, encode_block
+from gpszip.lossless.trails import NO_TRAILS
 from oracle.tokens import split_plainly
 from random_tests import examples
 
@@ -32,8 +34,8 @@ TEXTS = st.lists(PIECES, max_size=80).map("".join)
 
 
 def round_trip(text: bytes) -> bytes:
-    data = encode_block(text)
-    assert decode_block(Cursor(data), len(text)) == text
+    data = encode_block(text, GuideFinder(NO_TRAILS))
+    assert decode_block(Cursor(data), len(text), NO_TRAILS) == text
     return data
 
 
@@ -171,10 +173,10 @@ def test_a_forged_block_is_refused(data, size, message):
 @examples(200)
 def test_a_changed_block_is_other_text_or_an_error(data):
     text = b"".join(b"%d,%.2f,a%02d\n" % (i * 3, i / 7, i) for i in range(40))
-    block = bytearray(encode_block(text))
+    block = bytearray(encode_block(text, GuideFinder(NO_TRAILS)))
     for _ in range(data.draw(st.integers(1, 3))):
         block[data.draw(st.integers(0, len(block) - 1))] = data.draw(st.integers(0, 255))
     try:
-        assert len(decode_block(Cursor(bytes(block)), len(text))) == len(text)
+        assert len(decode_block(Cursor(bytes(block)), len(text), NO_TRAILS)) == len(text)
     except CorruptArchiveError:
         return
