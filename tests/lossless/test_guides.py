@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from gpszip.container.layout import Cursor
 from gpszip.errors import CorruptArchiveError
+from gpszip.lossless import guides
 from gpszip.lossless import logs as logs_module
 from gpszip.lossless.columns import MAX_VALUE, _choose, _encode_with
 from gpszip.lossless.grids import Grid
@@ -274,7 +275,7 @@ def forged(tracks=(1, 0), rows=(4, 6), exponent=0, zone=0, slack=0, roles=ROLES)
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (forged(tracks=range(11), rows=[1] * 11), "11 runs of 10 rows"),
+        (forged(tracks=range(3), rows=[3, 3, 4]), "3 runs of 10 rows"),
         (forged(tracks=(4, 0)), "a run is on none of 3 tracks"),
         (forged(tracks=(-1, 0)), "a run is on none of 3 tracks"),
         (forged(rows=(4, 5)), "the runs do not have 10 rows"),
@@ -290,6 +291,16 @@ def test_forged_guides_are_refused(data, message):
     with pytest.raises(CorruptArchiveError, match=message):
         decode_guide(Cursor(data), 10, 2, TRAILS)
     assert decode_guide(Cursor(forged()), 10, 2, TRAILS) is not None
+
+
+def test_a_guide_has_a_bounded_number_of_knots(monkeypatch):
+    data = log(numbers=(0, 2))
+    block = encode_block(data, GuideFinder(TRAILS))
+    monkeypatch.setattr(guides, "_FREE_KNOTS", 0)
+    monkeypatch.setattr(guides, "_KNOTS_PER_ROW", 0)
+    with pytest.raises(CorruptArchiveError, match="too many knots"):
+        decode_block(Cursor(block), len(data), TRAILS)
+    assert found_in(data) == []
 
 
 def test_a_block_with_guides_needs_the_walks():

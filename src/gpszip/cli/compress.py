@@ -290,6 +290,7 @@ def _dry_run(
                 memory=_memory(reading.choices),
                 map=reading.known_map,
                 extended=reading.extended,
+                exact=reading.choices["lossless"],
             )
             dry_run = DryRun(target, files, log, found, read_seconds)
             print_dry_run(dry_run, as_json=as_json)

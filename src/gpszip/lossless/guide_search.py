@@ -16,6 +16,8 @@ from gpszip.lossless.guides import (
     Places,
     Role,
     TableGuide,
+    has_too_many_knots,
+    max_runs,
     numbers_of_names,
 )
 from gpszip.lossless.trails import Trails
@@ -33,9 +35,8 @@ _SPACE_POWERS = (0, 7, 6, 3, 2)
 _ZONE = 900
 _MAX_ZONE = 14 * 3600
 
-#: Share of rows that must lie on walks, and rows that a run has on average at least.
+#: Share of rows that must lie on walks.
 _MIN_SHARE = 0.5
-_MIN_RUN = 4
 
 #: Rows that a table has at least, and share of the steps of times that are positive.
 _MIN_ROWS = 8
@@ -116,7 +117,9 @@ class GuideFinder:
         usual = float(np.median(np.abs(np.diff(seconds))))
         runs = self._find_runs(seconds, max(self.trails.time_step, usual, 1.0))
         tracks, rows = (np.array(part, np.int64) for part in zip(*runs, strict=True))
-        if len(tracks) > max(len(seconds) // _MIN_RUN, 1):
+        if len(tracks) > max_runs(len(seconds)):
+            return None
+        if has_too_many_knots(tracks, len(seconds), self.trails):
             return None
         if rows[tracks > 0].sum() < _MIN_SHARE * len(seconds):
             return None

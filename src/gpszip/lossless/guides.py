@@ -29,6 +29,8 @@ __all__ = [
     "TableGuide",
     "decode_guide",
     "encode_guide",
+    "has_too_many_knots",
+    "max_runs",
     "numbers_of_names",
 ]
 
@@ -36,6 +38,14 @@ __all__ = [
 #: track's name, whose number follows.
 NO_ROLE = 0
 NAME_ROLE = 255
+
+#: Rows that a run has on average at least.
+_MIN_RUN = 4
+
+#: Runs have at most this many knots, and so many more for each row: a forged guide must not ask for
+#: the knots of a long track again and again.
+_FREE_KNOTS = 1 << 21
+_KNOTS_PER_ROW = 16
 
 #: Powers of ten by which seconds, degrees or metres are multiplied.
 MAX_EXPONENT = 18
@@ -153,9 +163,11 @@ class Knots:
     """
 
     def __init__(self, guide: TableGuide, trails: Trails, grid: Grid) -> None:
-        found = [trails.trail(track - 1) if track else None for track in guide.tracks.tolist()]
-        empty = _empty_trail(trails.axes)
-        self._trails: list[Trail] = [empty if trail is None else trail for trail in found]
+        # Runs may be on the same track.
+        by_track = {0: _empty_trail(trails.axes)}
+        for track in np.unique(guide.tracks[guide.tracks > 0]).tolist():
+            by_track[track] = trails.trail(track - 1) or by_track[0]
+        self._trails = [by_track[track] for track in guide.tracks.tolist()]
         self._table = guide
         counts = [len(trail.times) for trail in self._trails]
         self.run_rows = np.append(0, np.cumsum(guide.rows)).astype(np.int64)
@@ -281,6 +293,21 @@ def numbers_of_names(guide: TableGuide, trails: Trails, which: int) -> _Ints | N
     return np.repeat(np.array(numbers, np.int64), guide.rows) if found else None
 
 
+def max_runs(rows: int) -> int:
+    """Most runs of a guide: more would take more bytes than they save."""
+    return max(rows // _MIN_RUN, 1)
+
+
+def has_too_many_knots(tracks: _Ints, rows: int, trails: Trails) -> bool:
+    """Whether runs on these tracks have more knots than a guide of so many rows may have."""
+    numbers, runs = np.unique(tracks[tracks > 0], return_counts=True)
+    knots = 0
+    for track, count in zip(numbers.tolist(), runs.tolist(), strict=True):
+        trail = trails.trail(track - 1)
+        knots += 0 if trail is None else count * len(trail.times)
+    return knots > _FREE_KNOTS + _KNOTS_PER_ROW * rows
+
+
 def encode_guide(guide: TableGuide | None) -> bytes:
     """Encode the guide of a table, or that there is none."""
     if guide is None:
@@ -311,7 +338,7 @@ def decode_guide(cursor: Cursor, rows: int, columns: int, trails: Trails) -> Tab
     runs = cursor.read_varint("the number of runs")
     if runs == 0:
         return None
-    if runs > rows:
+    if runs > max_runs(rows):
         raise cursor.error(f"{runs} runs of {rows} rows")
 
     # The runs.
@@ -321,6 +348,8 @@ def decode_guide(cursor: Cursor, rows: int, columns: int, trails: Trails) -> Tab
         raise cursor.error(f"a run is on none of {len(trails.names)} tracks")
     if lengths.min() < 1 or lengths.max() > rows or int(lengths.sum()) != rows:
         raise cursor.error(f"the runs do not have {rows} rows")
+    if has_too_many_knots(tracks, rows, trails):
+        raise cursor.error(f"the runs have too many knots for {rows} rows")
 
     # Times and roles.
     exponent = cursor.read_byte("a power of ten")

@@ -209,10 +209,8 @@ def code_binary(coder: Coder, probability: int, bit: int, digits: int) -> int:
     ones = share * np.uint64(probability)
     if coder.cursor[DIRECTION] == DECODES:
         bit = 1 if words[_CODE] < ones else 0
-    if bit:
-        _narrow(coder, _ZERO, ones)
-    else:
-        _narrow(coder, ones, share * np.uint64((np.int64(1) << digits) - probability))
+    zeros = share * np.uint64((np.int64(1) << digits) - probability)
+    _narrow(coder, _ZERO if bit else ones, ones if bit else zeros)
     return bit
 
 
