@@ -35,7 +35,7 @@ from random_tests import examples
 class Trails:
     """Walks of three vehicles on a grid of streets: a knot each half minute, a stop and a gap."""
 
-    names = ("bus 12, line 3", "tram_7", "bus 13, line 3")
+    names = ("bus-12, line 3", "tram_7", "bus-13, line 3")
     axes = 2
     time_step = 2.0
 

@@ -126,6 +126,22 @@ def test_bytes_that_are_no_text_are_stored():
     assert len(round_trip(b"\xff" * 5000)) < 100
 
 
+def test_minus_zeros_stay_in_their_table():
+    lines = ["-0.00,7\n" if i % 3 == 1 else f"{i % 5}.25,7\n" for i in range(3000)]
+    assert len(round_trip("".join(lines).encode())) < 200
+
+
+def test_forged_minus_zeros_are_refused():
+    values = np.array([0, 0, 5, 0])
+    notation, _ = find_notation(values, np.zeros(4, np.uint8), np.array([1, 129, 1, 129], np.uint8))
+    data = encode_notation(notation)
+    back = decode_notation(Cursor(data), 4)
+    assert back.minus_zeros.tolist() == [1, 3]
+    for rows, message in ((1, "2 minus zeros of 1"), (3, "a minus zero past the last of 3")):
+        with pytest.raises(CorruptArchiveError, match=message):
+            decode_notation(Cursor(data), rows)
+
+
 @pytest.mark.parametrize("text", [b"", b"\n", b"7", b"7\n7", b"x", b"-", b".", b"-7", b"12:34:5"])
 def test_the_smallest_texts_come_back(text):
     round_trip(text)

@@ -158,8 +158,8 @@ def read_notation(source, rows):
     width = source.u8() if rules >> 2 & 3 == 1 else 0
     widths = read_column(source, rows).values if rules >> 2 & 3 == 2 else [width] * rows
     minus, row = set(), -1
-    for _ in range(source.varint() if rules >> 5 else 0):
-        row += source.varint() + 1
+    for skipped in read_column(source, source.varint()).values if rules >> 5 else []:
+        row += skipped + 1
         minus.add(row)
     return rules, decimals, places, widths, minus
 

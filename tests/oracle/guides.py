@@ -37,7 +37,11 @@ class PlainGuide:
     def names(self, which):
         numbers = []
         for track, rows in zip(self.tracks, self.rows, strict=True):
-            digits = re.findall("[0-9]{1,17}", self.names_of_tracks[track - 1]) if track else []
+            digits = (
+                re.findall("(?:(?<![0-9])-)?[0-9]{1,17}", self.names_of_tracks[track - 1])
+                if track
+                else []
+            )
             numbers += [int(digits[which]) if which < len(digits) else 0] * rows
         return numbers
 

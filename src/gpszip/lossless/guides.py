@@ -68,8 +68,8 @@ _SHARE_BITS = 16
 #: Times of knots within a run have so many binary digits, below those of the number of the run.
 _TIME_BITS = 42
 
-#: Numbers in a name: groups of digits, as long ones are cut in text.
-_NUMBER = re.compile(r"[0-9]{1,17}")
+#: Numbers in a name, as in text: long ones are cut, and a minus after a digit is none.
+_NUMBER = re.compile(r"(?:(?<![0-9])-)?[0-9]{1,17}")
 
 _Ints = NDArray[np.int64]
 

@@ -171,7 +171,7 @@ def encode_notation(notation: Notation) -> bytes:
     if notation.minus_zeros is not None:
         parts.append(encode_varint(len(notation.minus_zeros)))
         skipped = np.diff(notation.minus_zeros, prepend=-1) - 1
-        parts += [encode_varint(skip) for skip in skipped.tolist()]
+        parts.append(encode_column(skipped.astype(np.int64))[0])
     return b"".join(parts)
 
 
@@ -202,10 +202,12 @@ def decode_notation(cursor: Cursor, count: int) -> Notation:
 def _read_rows(cursor: Cursor, count: int) -> NDArray[np.intp]:
     """Read numbers of rows, in order."""
     rows = cursor.read_varint("the number of minus zeros")
-    if rows > min(count, cursor.remaining):
+    if rows > count:
         raise cursor.error(f"{rows} minus zeros of {count} numbers")
-    skipped = [cursor.read_varint("a row") for _ in range(rows)]
-    found = np.cumsum(np.minimum(skipped, count).astype(np.int64) + 1) - 1
+    skipped, _ = decode_column(cursor, rows)
+    if rows and (skipped.min() < 0 or skipped.max() >= count):
+        raise cursor.error(f"a minus zero past the last of {count} numbers")
+    found = np.cumsum(skipped + 1) - 1
     if rows and found[-1] >= count:
         raise cursor.error(f"a minus zero past the last of {count} numbers")
     return found.astype(np.intp)
