@@ -20,13 +20,14 @@ __all__ = ["MAX_VALUE", "CodedColumn", "decode_column", "encode_column"]
 #: Integers have absolute values below this.
 MAX_VALUE = 1 << 57
 
-#: Methods: one value for all rows, or an order of thresholds of the column coder plus 1.
+#: Methods: one value for all rows, or an order of thresholds of the column coder plus 1; with a
+#: guide 2 more.
 _CONSTANT = 0
 _METHODS = 3
 _GUIDED = 2
 
-#: Rows by which the order is chosen, and the share by which exact steps must be smaller: they take
-#: about 1.5 times as long.
+#: Rows by which order and guide are chosen, and the shares by which exact steps, and those with a
+#: guide, must be smaller: either takes about 1.5 times as long.
 _TRIAL_ROWS = 1 << 12
 _EXACT_GAIN = 0.98
 _GUIDE_GAIN = 0.985
@@ -93,6 +94,8 @@ def encode_column(
         Times of the rows, by which steps are in proportion.
     sides : sequence of CodedColumn, optional
         Columns that move together with this one; the first tells most.
+    guide : Guide, optional
+        What a walk says of the numbers; used where it helps.
 
     Returns
     -------
@@ -115,18 +118,25 @@ def encode_column(
         column = CodedColumn(values, 0, sizes)
         return bytes([_CONSTANT]) + encode_signed(int(values[0])), column
 
-    # Choose the order of thresholds by the first rows.
+    # Choose the order of thresholds by the first rows, then whether the guide helps.
     settings = [_choose(values, order) for order in (NEAR, EXACT)]
-    near, exact = (
-        len(_encode_with(setting, values[:_TRIAL_ROWS], _head(times), map(_head, sides), None)[0])
-        for setting in settings
-    )
-    setting = settings[EXACT if exact < _EXACT_GAIN * near else NEAR]
+    head = values[:_TRIAL_ROWS]
+    known = (_head(times), [_head(side) for side in sides])
+    trials = [_encode_with(setting, head, *known, None) for setting in settings]
+    near, exact = (len(payload) for payload, _ in trials)
+    order = EXACT if exact < _EXACT_GAIN * near else NEAR
+    setting, best = settings[order], trials[order]
     if guide is not None:
-        trial = _encode_with(setting, values[:_TRIAL_ROWS], _head(times), map(_head, sides), guide)
-        if len(trial[0]) > _GUIDE_GAIN * min(near, exact):
+        trial = _encode_with(setting, head, *known, guide)
+        if len(trial[0]) <= _GUIDE_GAIN * min(near, exact):
+            best = trial
+        else:
             guide = None
-    payload, sizes = _encode_with(setting, values, times, sides, guide)
+
+    # Short columns are coded by now.
+    if len(values) > len(head):
+        best = _encode_with(setting, values, times, sides, guide)
+    payload, sizes = best
 
     # The setting stands before the payload.
     record = bytes([1 + setting.order + (0 if guide is None else _GUIDED)]) + b"".join(

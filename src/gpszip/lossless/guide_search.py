@@ -146,9 +146,12 @@ class GuideFinder:
 
     def _find_unit(self, numbers: _Ints, decimals: int) -> tuple[int, int] | None:
         """Power of ten and zone of a column of times; None if they are not those of the walks."""
+        # When the walks begin and end.
         known = np.isfinite(self._starts)
         start, end = float(self._starts[known].min()), float(self._ends[known].max())
         margin = max(self.trails.time_step, 1.0)
+
+        # The first unit in which most rows lie between, in a zone that all blocks of a log share.
         for power in _TIME_POWERS:
             exponent = decimals + power
             if exponent > MAX_EXPONENT:
@@ -166,6 +169,7 @@ class GuideFinder:
 
     def _find_runs(self, seconds: NDArray[np.float64], margin: float) -> list[tuple[int, int]]:
         """For each run 1 + the number of its track, or 0, and its number of rows."""
+        # Within a part, times increase.
         breaks = [*(np.flatnonzero(np.diff(seconds) <= 0) + 1).tolist(), len(seconds)]
         runs: list[tuple[int, int]] = []
         row = part = 0
@@ -173,6 +177,8 @@ class GuideFinder:
             while breaks[part] <= row:
                 part += 1
             bound = breaks[part]
+
+            # Rows up to the end of the track that begins here.
             first = float(seconds[row])
             track = self._find_track(first, margin, begins=row > 0)
             if track is not None:
@@ -187,6 +193,8 @@ class GuideFinder:
                 if following < len(starts):
                     start = float(starts[following]) - margin * 1e-3
                     after = row + int(np.searchsorted(seconds[row:bound], start, "left"))
+
+            # The next run.
             after = max(after, row + 1)
             runs.append((0 if track is None else track + 1, after - row))
             row = after
@@ -200,6 +208,8 @@ class GuideFinder:
             return last
         if following < len(self._starts) and abs(self._starts[following] - first) <= margin:
             return following
+
+        # Otherwise the track whose start is nearest.
         starts = self._starts[self._order]
         low, high = np.searchsorted(starts, [first - margin, first + margin])
         if low == high:

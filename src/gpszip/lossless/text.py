@@ -103,6 +103,7 @@ def encode_block(text: bytes, finder: GuideFinder) -> bytes:
 
     Examples
     --------
+    >>> from gpszip.lossless.trails import NO_TRAILS
     >>> text = b"".join(b"%d,%.2f\n" % (i, i / 4) for i in range(1000))
     >>> data = encode_block(text, GuideFinder(NO_TRAILS))
     >>> len(text), len(data) < 120, decode_block(Cursor(data), len(text), NO_TRAILS) == text
