@@ -77,10 +77,10 @@ def test_archives_without_times_have_no_trails(archive):
     assert find_trails(shapes) is NO_TRAILS
 
 
-def test_a_track_without_times_has_no_trail(archive):
-    tracks, _ = archive
-    shape = gpszip.Track("shape", tracks[0].times, tracks[0].positions, plane=PLANE, timed=False)
-    trails = ArchiveTrails(gpszip.compress([tracks[0], shape], rmse=5, effort=1))
+def test_a_track_without_times_has_no_trail():
+    line = [[float(t), 0.0] for t in range(9)]
+    tracks = [gpszip.Track(name, range(9), line, timed=name == "a") for name in "ab"]
+    trails = ArchiveTrails(gpszip.compress(tracks, rmse=5, effort=1))
     assert trails.trail(0) is not None
     assert trails.trail(1) is None
 
