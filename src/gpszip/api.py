@@ -11,8 +11,9 @@ import pathlib
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, BinaryIO, Protocol, TypeAlias, cast
 
 import numpy as np
@@ -38,7 +39,6 @@ from gpszip.model.timestamps import Times
 from gpszip.run.executor import Executor
 
 if TYPE_CHECKING:
-    from gpszip.container.contents import Section
     from gpszip.history.changes.changes import Changes
     from gpszip.history.routes import PlannedRoute
     from gpszip.history.usage import Usage
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from gpszip.model.rounds import Rounds
     from gpszip.model.trips import Trips
     from gpszip.model.unusual import Unusual
+    from gpszip.pipeline.compress import LogKeeper
     from gpszip.pipeline.diff import Side
     from gpszip.sketches.coreset import Coreset
     from gpszip.sketches.stream import CoresetStream
@@ -372,24 +373,26 @@ def compress(
     # Positions are read onto the plane of the map, so that both can be compared.
     known_map = map if map is None or isinstance(map, Archive) else open_archive(map)
     plane = None if known_map is None else known_map.grid.plane
-    extras = _exact_sections(tracks) if lossless else ()
     columns = (*names, *(keep_within or {}))
-    with _open_log(
-        tracks,
-        memory,
-        plane,
-        columns,
-        times,
-        progress,
-        options.thesis,
-        heights=heights and times and not name_heights(columns),
-    ) as log:
+    with (
+        _log_keeper(tracks) if lossless else nullcontext() as logs,
+        _open_log(
+            tracks,
+            memory,
+            plane,
+            columns,
+            times,
+            progress,
+            options.thesis,
+            heights=heights and times and not name_heights(columns),
+        ) as log,
+    ):
         archive, report = compress_tracks(
             log,
             options,
             memory=memory,
             map=known_map,
-            extras=extras,
+            logs=logs,
             executor=executor,
             progress=progress,
         )
@@ -1487,8 +1490,9 @@ def _open_log(
         yield log
 
 
-def _exact_sections(tracks: Logs) -> tuple[Section, ...]:
-    """The section of files that are kept byte by byte."""
+@contextmanager
+def _log_keeper(tracks: Logs) -> Iterator[LogKeeper]:
+    """What makes the section of files that are kept byte by byte."""
     from gpszip.io.logs.formats import is_bundle
     from gpszip.io.storage.source import spooled
     from gpszip.pipeline.exact_logs import exact_section
@@ -1501,7 +1505,7 @@ def _exact_sections(tracks: Logs) -> tuple[Section, ...]:
             "lossless keeps files, and was given tracks or streams", remedy="name the files"
         )
     with spooled(names, unzip=is_bundle) as sources:
-        return (exact_section(sources),)
+        yield partial(exact_section, sources)
 
 
 def _warn_of_losses(result: ReadResult) -> None:

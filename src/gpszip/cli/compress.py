@@ -17,7 +17,7 @@ from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.keep_option import KeptColumns, keep_options, parse_keep
 from gpszip.cli.lossless import (
     check_lossless,
-    exact_sections,
+    log_keeper,
     lossless_options,
     open_sources,
     remove_logs,
@@ -40,10 +40,10 @@ from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
-    from gpszip.container.contents import Section
     from gpszip.model import Listener, Options, Report
     from gpszip.model.log import Log
     from gpszip.model.selection import Selection
+    from gpszip.pipeline.compress import LogKeeper
     from gpszip.run.executor import Executor
 
 __all__ = ["command"]
@@ -237,8 +237,8 @@ def command(
         open_sources(logs, lossless=lossless) as sources,
         reading.open(sources, listener) as log,
     ):
-        extras = exact_sections(sources, lossless=lossless, remove=remove)
-        work = _Work(_memory(choices), executor, listener, extras)
+        keeper = log_keeper(sources, lossless=lossless, remove=remove)
+        work = _Work(_memory(choices), executor, listener, keeper)
         if extended is not None:
             archive, report = work.append(extended, log, options)
         else:
@@ -290,6 +290,7 @@ def _dry_run(
                 memory=_memory(reading.choices),
                 map=reading.known_map,
                 extended=reading.extended,
+                exact=reading.choices["lossless"],
             )
             dry_run = DryRun(target, files, log, found, read_seconds)
             print_dry_run(dry_run, as_json=as_json)
@@ -305,12 +306,12 @@ def _output_name(target: str | None, logs: tuple[str, ...], choices: dict[str, A
 
 @dataclass(frozen=True, eq=False)
 class _Work:
-    """What logs are compressed with, and further sections of the archive."""
+    """What logs are compressed with, and what keeps them exactly."""
 
     memory: int | None
     executor: Executor | None
     listener: Listener | None
-    extras: tuple[Section, ...] = ()
+    logs: LogKeeper | None = None
 
     def compress(self, log: Log, options: Options, map: Archive | None) -> tuple[Archive, Report]:
         """Compress a log, on the map of another archive if one is given."""
@@ -321,7 +322,7 @@ class _Work:
             options,
             memory=self.memory,
             map=map,
-            extras=self.extras,
+            logs=self.logs,
             executor=self.executor,
             progress=self.listener,
         )

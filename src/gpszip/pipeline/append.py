@@ -29,6 +29,7 @@ from gpszip.model.read_result import ReadResult
 from gpszip.pipeline.bounds import holds, requested_bound
 from gpszip.pipeline.compress import off_map_notes, report_on, within_bound
 from gpszip.pipeline.continue_tracks import piece_time_ranges_of, ready_to_continue, track_end
+from gpszip.pipeline.exact_logs import without_guides
 from gpszip.pipeline.job import Job, on_tracks, prepare
 from gpszip.pipeline.kept_columns import extended_sections
 from gpszip.pipeline.kept_curves import curve_notes, extended_curves
@@ -107,7 +108,8 @@ def append(
     # Take the time of the whole call, for the report.
     start = time.perf_counter()
 
-    # What the archive states and keeps goes on.
+    # What the archive states and keeps goes on; walks that change must not predict its logs.
+    archive = without_guides(archive)
     options = completed_options(options or Options(), archive)
     log = on_plane_of(archive, as_log(tracks), options)
     _check_times(archive, log)
