@@ -16,6 +16,7 @@ from gpszip.live.events import Event
 from gpszip.live.fix import Fix
 from gpszip.live.monitor.agent import AgentMonitor
 from gpszip.live.monitor.on_map.known_map import KnownMap
+from gpszip.live.monitor.on_map.watch import MapWatch
 from gpszip.live.monitor.sources import MAX_AHEAD
 from gpszip.model.match import Scales
 
@@ -100,9 +101,11 @@ class Monitor:
         self._delay, self._silent_after, self._max_agents = delay, silent_after, max_agents
         self._settings = Settings(min_stay, max_pause, radius)
         self._map: KnownMap | None = None
+        self._watch: MapWatch | None = None
         if archive is not None:
             known = archive if isinstance(archive, Archive) else open_archive(archive)
             self._map = KnownMap(known, scales)
+            self._watch = MapWatch(self._map)
 
         # Agents, the least recently heard of first; those that are not silent; those that wait.
         self._agents: OrderedDict[str, AgentMonitor] = OrderedDict()
@@ -174,6 +177,10 @@ class Monitor:
             events += agent.read(self._clock)
             if agent.on_map is not None:
                 events += agent.on_map.rest(is_over=False)
+                if self._watch is not None:
+                    events += self._watch.take(agent.agent, agent.on_map, self._clock)
+        if self._watch is not None:
+            events += self._watch.closures.look(self._clock)
         self._waiting.clear()
         self._late.clear()
         return self._numbered(events)
@@ -188,7 +195,8 @@ class Monitor:
 
     def states(self) -> Iterator[dict[str, Any]]:
         """Yield the state as values of JSON: first of the monitor, then of each agent."""
-        yield {"clock": _finite(self._clock), "seq": self.seq}
+        watch = None if self._watch is None else self._watch.to_row()
+        yield {"clock": _finite(self._clock), "seq": self.seq, "watch": watch}
         for agent in self._agents.values():
             yield agent.to_row()
 
@@ -198,6 +206,8 @@ class Monitor:
         head = next(rows)
         self._clock = -math.inf if head["clock"] is None else head["clock"]
         self.seq = head["seq"]
+        if self._watch is not None and head["watch"] is not None:
+            self._watch.restore(head["watch"])
         for row in rows:
             agent = self._new_agent(row["agent"], geographic=row["geographic"])
             agent.restore(row)
@@ -272,8 +282,10 @@ class Monitor:
             return
         capacity = _MAX_ALL_FIXES // max(len(self._agents), 1)
         yield from agent.take(fix, min(max(capacity, _MIN_FIXES), _MAX_FIXES))
-        if agent.on_map is not None and agent.on_map.has_matcher:
-            yield from self._follow_on_map(agent.agent)
+        if agent.on_map is not None and self._watch is not None:
+            yield from self._watch.take(agent.agent, agent.on_map, fix.received)
+            if agent.on_map.has_matcher:
+                yield from self._follow_on_map(agent.agent)
 
     def _follow_on_map(self, name: str) -> Iterator[Event]:
         """Note that an agent is followed; of too many, the first one's matcher is dropped."""
