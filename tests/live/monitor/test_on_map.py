@@ -237,20 +237,29 @@ def test_a_closed_road_is_told_and_an_open_one_is_not(known_map, closed, events)
     assert not [event for event in standing(events) if event.kind == "closed"]
 
 
-def test_a_path_off_the_map_is_a_new_edge_the_second_time(road):
-    across = [(400.0 + 3 * n, 20.0 * n) for n in range(15)]
-    lap = [*[(50.0 * n, 0.0) for n in range(9)], *across]
-    lap += [(450.0 - 50 * n, 300.0) for n in range(9)] + [(0.0, 300.0 - 50 * n) for n in range(6)]
-    monitor = monitor_on(road, silent_after=7200.0)
-    fixes = [
-        Fix("van", "test", 1.75e9 + 5.0 * n, 1.75e9 + 5.0 * n, place, geographic=False)
-        for n, place in enumerate(lap * 4)
-    ]
-    found = [event for fix in fixes for event in monitor.push(fix)]
-    assert sum(event.kind == "off_map.end" for event in found) >= 3
+def test_a_path_off_the_map_is_a_new_edge_the_second_time(known_map):
+    # From the middle of the longest edge, 400 m away and back by the same path.
+    edge = int(np.argmax(known_map.lengths))
+    length = float(known_map.lengths[edge])
+    there = [known_map.place_on(2 * edge, share * length) for share in np.linspace(0, 0.5, 6)]
+    after = [known_map.place_on(2 * edge, share * length) for share in np.linspace(0.5, 1, 6)]
+    middle = np.array(there[-1])
+    line = np.array(after[-1]) - middle
+    away = np.array([-line[1], line[0]]) / np.hypot(*line)
+    out = [tuple((middle + 40 * n * away).tolist()) for n in range(1, 11)]
+    places = [*there, *out, *out[::-1], *after]
+
+    monitor, found = monitor_on(known_map), []
+    for number, agent in enumerate(("ann", "bob", "cat")):
+        for n, place in enumerate(places):
+            time = 1.75e9 + 1000 * number + 8.0 * n
+            found += monitor.push(Fix(agent, "test", time, time, place, geographic=False))
+        found += monitor.tick(1.75e9 + 1000 * number + 990)
+    found += monitor.close()
+    assert sum(event.kind == "off_map.start" for event in found) == 3
     (new,) = (event for event in found if event.kind == "new_edge")
-    assert new.agent == ""
-    assert new.details["length"] == pytest.approx(300, rel=0.5)
+    assert (new.agent, len(new.details["path"])) == ("", 16)
+    assert new.time > 1.75e9 + 1000
 
 
 def guard(laps, begin):
