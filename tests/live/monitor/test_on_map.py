@@ -237,29 +237,25 @@ def test_a_closed_road_is_told_and_an_open_one_is_not(known_map, closed, events)
     assert not [event for event in standing(events) if event.kind == "closed"]
 
 
-def test_a_path_off_the_map_is_a_new_edge_the_second_time(known_map):
-    # From the middle of the longest edge, 400 m away and back by the same path.
-    edge = int(np.argmax(known_map.lengths))
-    length = float(known_map.lengths[edge])
-    there = [known_map.place_on(2 * edge, share * length) for share in np.linspace(0, 0.5, 6)]
-    after = [known_map.place_on(2 * edge, share * length) for share in np.linspace(0.5, 1, 6)]
-    middle = np.array(there[-1])
-    line = np.array(after[-1]) - middle
-    away = np.array([-line[1], line[0]]) / np.hypot(*line)
-    out = [tuple((middle + 40 * n * away).tolist()) for n in range(1, 11)]
-    places = [*there, *out, *out[::-1], *after]
+def test_a_path_off_the_map_is_a_new_edge_the_second_time(fleet, known_map):
+    # From the eastern end of a line, 400 m out of town and back by the same path.
+    positions = fleet[1][0].positions
+    east = 40 + int(positions[40:-40, 0].argmax())
+    out = positions[east] + np.outer(np.linspace(30, 400, 12), [1.0, 0.0])
+    places = [*positions[east - 40 : east + 1], *out, *out[::-1], *positions[east : east + 40]]
 
     monitor, found = monitor_on(known_map), []
     for number, agent in enumerate(("ann", "bob", "cat")):
         for n, place in enumerate(places):
-            time = 1.75e9 + 1000 * number + 8.0 * n
-            found += monitor.push(Fix(agent, "test", time, time, place, geographic=False))
-        found += monitor.tick(1.75e9 + 1000 * number + 990)
+            time = 1.75e9 + 3000 * number + 20.0 * n
+            found += monitor.push(Fix(agent, "test", time, time, tuple(place), geographic=False))
     found += monitor.close()
-    assert sum(event.kind == "off_map.start" for event in found) == 3
+    for kind in ("off_map.start", "off_map.end"):
+        assert sum(event.kind == kind for event in found) == 3
     (new,) = (event for event in found if event.kind == "new_edge")
     assert (new.agent, len(new.details["path"])) == ("", 16)
-    assert new.time > 1.75e9 + 1000
+    assert new.details["length"] == pytest.approx(800, rel=0.2)
+    assert new.time > 1.75e9 + 3000
 
 
 def guard(laps, begin):
