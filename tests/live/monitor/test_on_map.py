@@ -209,6 +209,17 @@ def test_a_monitor_on_a_map_goes_on_where_another_one_was_saved(fleet, known_map
     assert {event.id for event in found} == {event.id for event in expected}
 
 
+def test_what_was_saved_on_another_map_is_left(fleet, known_map, road):
+    fixes = fixes_of(fleet[1])[:60]
+    first, second = monitor_on(known_map), monitor_on(road)
+    found = [event for fix in fixes for event in first.push(fix)]
+    assert any(event.kind == "edge.enter" for event in found)
+    second.restore(json.loads(json.dumps(list(first.states()))))
+    head, *agents = second.states()
+    assert head["watch"]["closures"]["passes"] == {}
+    assert [agent["on_map"]["current"] for agent in agents] == [None] * len(agents)
+
+
 def test_a_closed_road_is_told_and_an_open_one_is_not(known_map, closed, events):
     middle, tracks = closed
     monitor = monitor_on(known_map)

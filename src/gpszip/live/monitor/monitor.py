@@ -196,21 +196,23 @@ class Monitor:
     def states(self) -> Iterator[dict[str, Any]]:
         """Yield the state as values of JSON: first of the monitor, then of each agent."""
         watch = None if self._watch is None else self._watch.to_row()
-        yield {"clock": _finite(self._clock), "seq": self.seq, "watch": watch}
+        head = {"clock": _finite(self._clock), "seq": self.seq, "watch": watch}
+        yield head | {"map": None if self._map is None else self._map.fingerprint}
         for agent in self._agents.values():
             yield agent.to_row()
 
     def restore(self, states: Iterable[dict[str, Any]]) -> None:
-        """Take over what :meth:`states` yielded."""
+        """Take over what :meth:`states` yielded; on another map, agents begin anew there."""
         rows = iter(states)
         head = next(rows)
+        is_same_map = self._map is not None and head["map"] == self._map.fingerprint
         self._clock = -math.inf if head["clock"] is None else head["clock"]
         self.seq = head["seq"]
-        if self._watch is not None and head["watch"] is not None:
+        if self._watch is not None and is_same_map:
             self._watch.restore(head["watch"])
         for row in rows:
             agent = self._new_agent(row["agent"], geographic=row["geographic"])
-            agent.restore(row)
+            agent.restore(row if is_same_map else row | {"on_map": None})
             name = agent.agent
             if not agent.is_silent:
                 self._heard[name] = None
