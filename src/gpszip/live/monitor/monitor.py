@@ -7,18 +7,20 @@ import os
 from collections import Counter, OrderedDict
 from collections.abc import AsyncIterable, AsyncIterator, Iterable, Iterator
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from gpszip.archive import Archive, open_archive
 from gpszip.errors import OptionError
 from gpszip.history.stays.values import Settings
 from gpszip.live.events import Event
 from gpszip.live.fix import Fix
 from gpszip.live.monitor.agent import AgentMonitor
-from gpszip.live.monitor.on_map.known_map import KnownMap
-from gpszip.live.monitor.on_map.watch import MapWatch
 from gpszip.live.monitor.sources import MAX_AHEAD
-from gpszip.model.match import Scales
+
+if TYPE_CHECKING:
+    from gpszip.archive import Archive
+    from gpszip.live.monitor.on_map.known_map import KnownMap
+    from gpszip.live.monitor.on_map.watch import MapWatch
+    from gpszip.model.match import Scales
 
 __all__ = ["Monitor"]
 
@@ -103,9 +105,7 @@ class Monitor:
         self._map: KnownMap | None = None
         self._watch: MapWatch | None = None
         if archive is not None:
-            known = archive if isinstance(archive, Archive) else open_archive(archive)
-            self._map = KnownMap(known, scales)
-            self._watch = MapWatch(self._map)
+            self._map, self._watch = _read_map(archive, scales)
 
         # Agents, the least recently heard of first; those that are not silent; those that wait.
         self._agents: OrderedDict[str, AgentMonitor] = OrderedDict()
@@ -329,6 +329,19 @@ class Monitor:
             self.seq += 1
             found.append(replace(event, seq=self.seq))
         return found
+
+
+def _read_map(
+    archive: Archive | str | os.PathLike[str], scales: Scales | None
+) -> tuple[KnownMap, MapWatch]:
+    """Read what is known of a map; without one, none of the kernels that it needs are loaded."""
+    from gpszip.archive import Archive, open_archive
+    from gpszip.live.monitor.on_map.known_map import KnownMap
+    from gpszip.live.monitor.on_map.watch import MapWatch
+
+    known = archive if isinstance(archive, Archive) else open_archive(archive)
+    known_map = KnownMap(known, scales)
+    return known_map, MapWatch(known_map)
 
 
 def _finite(number: float) -> float | None:
