@@ -2,9 +2,10 @@
 
 ``sources/`` brings fixes from servers, receivers and streams, each behind :class:`FixSource`.
 ``formats/`` turns their messages into a :class:`Fix`. A :class:`Recorder` screens them, leaves out
-repeats, and has them on disk, in a :class:`Journal`, before a sender is told so. ``follow.py`` reads
-the journal, ``monitor/`` finds events in it, and ``outbox.py`` brings them to ``sinks/``, each behind
-:class:`EventSink`.
+repeats, and has them on disk, in a :class:`Journal`, before a sender is told so.
+
+``follow.py`` reads the journal, ``monitor/`` finds events in it, and ``outbox.py`` brings them to
+``sinks/``, each behind :class:`EventSink`.
 """
 
 from gpszip.live.events import Event, EventSink
