@@ -33,7 +33,7 @@ _ROUNDING = 1e-6
 
 
 def ready_to_continue(
-    archive: Archive, starts: Mapping[str, float], time_step: float, further: int = 0
+    archive: Archive, spans: Mapping[str, tuple[float, float]], time_step: float, further: int = 0
 ) -> Archive:
     """Cut walks that end after the start of what continues them.
 
@@ -44,8 +44,8 @@ def ready_to_continue(
     ----------
     archive : Archive
         With times and a map of its own.
-    starts : mapping of str to float
-        Time of the first new sample of each track, in seconds.
+    spans : mapping of str to (float, float)
+        Times of the first and last new sample of each track, in seconds.
     time_step : float
         Seconds that suit the new tracks.
     further : int
@@ -57,12 +57,13 @@ def ready_to_continue(
         The same archive where nothing has to change.
     """
     # Find the refinements that suit the new tracks, and walks that end after they begin.
-    refinements = _refinements(archive.grid, time_step, further)
     late = [
         name
-        for name, start in starts.items()
+        for name, (start, _) in spans.items()
         if name in archive.ids and start < _last_knot_time(archive, name)
     ]
+    room = min((spans[name][1] - track_end(archive, name) for name in late), default=math.inf)
+    refinements = _refinements(archive.grid, time_step, room, further)
     if not late and refinements == 0:
         return archive
 
@@ -124,15 +125,20 @@ def _last_knot_time(archive: Archive, name: str) -> float:
     return float(knot_times(time_steps[-1:], archive.grid)[0])
 
 
-def _refinements(grid: QuantisationGrid, time_step: float, further: int) -> int:
+def _refinements(grid: QuantisationGrid, time_step: float, room: float, further: int) -> int:
     """How often the time step is to be halved.
 
-    An archive on this map may halve it a few times more, so some step sizes are left for that.
+    The seconds from the end of a track to its last new sample, ``room``, have to hold a time step:
+    the walk is cut there, and goes on to that sample. An archive on this map may halve the step a
+    few times more, so some step sizes are left for that.
     """
-    step = step_size(grid.time)
-    suits = step <= _TOO_COARSE * time_step
-    wanted = further if suits else math.ceil(math.log2(step / time_step)) + further
-    return max(min(wanted, grid.time // _STEP_SIZES_PER_OCTAVE - MAX_REFINEMENTS), 0)
+    step, wanted = step_size(grid.time), 0
+    if step > _TOO_COARSE * time_step:
+        wanted = math.ceil(math.log2(step / time_step))
+    if 0 < room <= step:
+        wanted = max(wanted, math.floor(math.log2(step / room)) + 1)
+    most = grid.time // _STEP_SIZES_PER_OCTAVE - MAX_REFINEMENTS
+    return max(min(wanted + further, most), 0)
 
 
 def _end_step(archive: Archive, name: str, grid: QuantisationGrid) -> int:
