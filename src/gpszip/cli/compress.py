@@ -36,6 +36,7 @@ from gpszip.cli.options import (
 )
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.selecting import pop_selection, selection_options
+from gpszip.cli.stream import check_stream_options, compress_stream, stream_options
 from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ _BOUND_OPTIONS = {
     cls=CommandWithFormats,
     short_help="Learn the map of logs and store them as walks on it.",
 )
-@click.argument("logs", metavar="LOG...", nargs=-1, required=True, shell_complete=complete_files())
+@click.argument("logs", metavar="LOG...", nargs=-1, shell_complete=complete_files())
 @output_option("walks.gpsz", default="the name of the only LOG or folder with .gpsz, beside it")
 @click.option(
     "--rmse", type=LENGTH, metavar="LENGTH", help="Largest root mean square error, such as 5m."
@@ -186,13 +187,14 @@ _BOUND_OPTIONS = {
     is_flag=True,
     help="Say what would be read, and estimate bytes and CPU time from a sample; write nothing.",
 )
+@stream_options
 @engine_options
 @quiet
 @force
 @common_options
-@click.pass_obj
+@click.pass_context
 def command(
-    settings: Settings,
+    context: click.Context,
     /,
     logs: tuple[str, ...],
     target: str | None,
@@ -212,6 +214,9 @@ def command(
     from gpszip.cli.summary import print_summary
 
     # Refuse what can be refused before the logs are read.
+    settings: Settings = context.obj
+    _check_logs(context, logs, stream=choices["stream"])
+    check_stream_options(choices)
     target = _output_name(target, logs, choices)
     selection = pop_selection(choices)
     kept = parse_keep(choices["keep"], heights=choices["heights"] and choices["times"])
@@ -227,6 +232,11 @@ def command(
     if choices["update_map"]:
         check_output(choices["update_map"], force=force, binary=True)
 
+    if choices["stream"]:
+        choices |= {"selection": selection, "dry_run": dry_run}
+        return compress_stream(
+            logs, target, options, choices, extended, quiet=quiet, as_json=settings.json
+        )
     if dry_run:
         return _dry_run(target, logs, reading, options, as_json=settings.json)
 
@@ -294,6 +304,13 @@ def _dry_run(
             dry_run = DryRun(target, files, log, found, read_seconds)
             print_dry_run(dry_run, as_json=as_json)
             return Outcome.DONE if dry_run.read_result.complete else Outcome.LEFT_OUT
+
+
+def _check_logs(context: click.Context, logs: tuple[str, ...], *, stream: bool) -> None:
+    """Require a log, unless standard input is followed."""
+    if not logs and not stream:
+        [argument] = (each for each in context.command.params if isinstance(each, click.Argument))
+        raise click.MissingParameter(ctx=context, param=argument)
 
 
 def _output_name(target: str | None, logs: tuple[str, ...], choices: dict[str, Any]) -> str:
