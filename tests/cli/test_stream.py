@@ -95,7 +95,6 @@ def test_a_killed_stream_leaves_a_whole_archive_that_is_continued(tmp_path):
     assert not package.open(robot.archive).walk("0").gaps.any()
     assert rmse(robot.archive, np.arange(112)) <= 0.5
     assert "rows that the archive holds already" in told
-    assert [path.name for path in tmp_path.iterdir() if path.suffix] == ["a.gpsz"]
 
 
 def test_a_pipe_that_ends_is_an_archive(gpszip, tmp_path):

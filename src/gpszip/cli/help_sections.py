@@ -16,6 +16,7 @@ _MIN_OPTIONS = 15
 _SECTIONS = {
     "Sources": ("http", "mqtt", "gpsd", "nmea", "stdin"),
     "Archive": ("archive", "every", "roll_now"),
+    "Stream": ("stream", "batch_lines", "batch_seconds"),
     "Error bound": ("rmse", "max_error", "size", "ratio"),
     "Map": ("map_name", "update_map", "append", "network"),
     "Learning": ("effort", "coreset", "k", "m", "given", "memo", "layer"),

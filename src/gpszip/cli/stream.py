@@ -54,12 +54,14 @@ def stream_options(command: F) -> F:
     """Add the options --stream, --batch and --every."""
     command = click.option(
         "--every",
+        "batch_seconds",
         type=DURATION,
         metavar="DURATION",
         help="With --stream: write the archive so long after a line came; by default 60s.",
     )(command)
     command = click.option(
         "--batch",
+        "batch_lines",
         type=click.IntRange(1),
         metavar="LINES",
         help=f"With --stream: write it after so many lines at least; by default {_BATCH_LINES}.",
@@ -144,8 +146,8 @@ def compress_stream(
                 compressor,
                 Path(target),
                 notices,
-                batch_lines=choices["batch"] or _BATCH_LINES,
-                batch_seconds=choices["every"] or BATCH_SECONDS,
+                batch_lines=choices["batch_lines"] or _BATCH_LINES,
+                batch_seconds=choices["batch_seconds"] or BATCH_SECONDS,
                 name=name,
             )
 
@@ -163,9 +165,9 @@ def check_stream_options(choices: dict[str, Any]) -> None:
     click.UsageError
         With the option.
     """
-    for name in ("batch", "every"):
+    for name, option in (("batch_lines", "--batch"), ("batch_seconds", "--every")):
         if choices[name] is not None and not choices["stream"]:
-            raise click.UsageError(f"--{name} needs --stream, the stream that is read in batches")
+            raise click.UsageError(f"{option} needs --stream, the stream that is read in batches")
 
 
 def _check_stream(logs: tuple[str, ...], target: str, choices: dict[str, Any]) -> None:
