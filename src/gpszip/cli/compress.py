@@ -52,6 +52,22 @@ __all__ = ["command"]
 #: Durations in seconds; infinite for "none".
 _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 
+#: First bytes of Parquet files.
+_PARQUET = b"PAR1"
+
+#: Options that need the samples of a log, which a coreset lacks.
+_OPTIONS_OF_LOGS = {
+    "map_name": "--map",
+    "append": "--append",
+    "lossless": "--lossless",
+    "clean": "--clean",
+    "sort": "--sort",
+    "split": "--split",
+    "columns": "--columns",
+    "gap": "--gap",
+    "layer": "--layer",
+}
+
 #: Fields of Options that bound the archive, and their options on the command line.
 _BOUND_OPTIONS = {
     "rmse": "--rmse",
@@ -237,6 +253,8 @@ def command(
         return compress_stream(
             logs, target, options, choices, extended, quiet=quiet, as_json=settings.json
         )
+    if _is_coreset(logs):
+        return _compress_coreset(logs[0], target, options, choices, settings, quiet=quiet)
     if dry_run:
         return _dry_run(target, logs, reading, options, as_json=settings.json)
 
@@ -311,6 +329,56 @@ def _check_logs(context: click.Context, logs: tuple[str, ...], *, stream: bool) 
     if not logs and not stream:
         [argument] = (each for each in context.command.params if isinstance(each, click.Argument))
         raise click.MissingParameter(ctx=context, param=argument)
+
+
+def _is_coreset(logs: tuple[str, ...]) -> bool:
+    """Whether the one log is the coreset of some; only Parquet may be one."""
+    if len(logs) != 1 or not Path(logs[0]).is_file():
+        return False
+    with Path(logs[0]).open("rb") as file:
+        if file.read(len(_PARQUET)) != _PARQUET:
+            return False
+    from gpszip.io.coresets import holds_coreset
+
+    return holds_coreset(logs[0])
+
+
+def _compress_coreset(
+    path: str,
+    target: str,
+    options: Options,
+    choices: dict[str, Any],
+    settings: Settings,
+    *,
+    quiet: bool,
+) -> Outcome:
+    """Learn from a coreset, whose samples are not at hand."""
+    from gpszip.cli.output import write_archive
+    from gpszip.cli.progress import progress_bar
+    from gpszip.cli.summary import print_summary
+    from gpszip.io.coresets import read_coreset
+    from gpszip.model.read_result import ReadResult
+    from gpszip.pipeline.compress_coreset import compress_coreset
+
+    # Refuse what needs the log.
+    for name, option in _OPTIONS_OF_LOGS.items():
+        if choices[name]:
+            raise click.UsageError(f"{option} takes a log, and {path} is its coreset")
+
+    # Learn, write and say what holds.
+    coreset = read_coreset(path)
+    with (
+        progress_bar(quiet=quiet or settings.json) as listener,
+        open_executor(*_executor_choices(choices)) as executor,
+    ):
+        archive, report = compress_coreset(coreset, options, executor=executor, progress=listener)
+    write_archive(target, archive, force=True)
+    if settings.json or not quiet:
+        size = Path(path).stat().st_size
+        geographic = coreset.plane is not None
+        read_result = ReadResult((), coreset.samples, size, geographic)
+        print_summary(target, read_result, report, as_json=settings.json)
+    return Outcome.DONE
 
 
 def _output_name(target: str | None, logs: tuple[str, ...], choices: dict[str, Any]) -> str:

@@ -116,7 +116,8 @@ _COMPRESSION: Fields = {
     "bytes_out": "integer: size of the archive",
     "ratio": "number: bytes_in / bytes_out",
     "rmse": "number: root mean square error in metres, measured after decoding",
-    "max_error": "number: largest error of any sample in metres, measured after decoding",
+    "max_error": "number|null: largest error of any sample in metres, measured after decoding; "
+    "null for a coreset",
     "bound": "string: the bound that was held; empty if there was none",
     "gap": "number|null: longer intervals, in seconds, are gaps; null for none",
     "seconds": "number: time on the clock",
