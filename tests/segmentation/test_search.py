@@ -190,9 +190,7 @@ def test_a_loose_bound_gives_one_interval():
 
 
 def test_an_unreachable_bound_is_an_error():
-    with pytest.raises(
-        BoundError, match=r"an RMSE of .* m; allow more segments \(m\)"
-    ):
+    with pytest.raises(BoundError, match=r"an RMSE of .* m; allow more segments \(m\)"):
         segment_mean_within(rounds(1), rmse=0.01, m=2)
 
 

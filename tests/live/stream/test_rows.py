@@ -62,6 +62,12 @@ def test_a_batch_of_nothing_but_trouble_is_counted():
     assert sum(repair.count for repair in rows.repairs) == 5
 
 
+def test_an_open_quote_costs_its_own_line_only():
+    [_, rows] = read("t,x,y\n0,0,0\n", '1,1,1\n"2,2,2\n3,3,3\n4,4,4\n')
+    assert times(rows) == [1.0, 3.0, 4.0]
+    assert [repair.count for repair in rows.repairs] == [1]
+
+
 def test_tracks_of_a_batch_keep_their_order():
     [rows] = read("id,t,x,y\nb,1,1,0\na,1,2,0\nb,2,3,0\n")
     assert {name: values[1][:, 0].tolist() for name, values in rows.tracks.items()} == {

@@ -51,11 +51,15 @@ _MIN_SHARE = 0.7
 #: states no maximum.
 _MAX_PER_RMSE = 4.0
 
+#: Metres and seconds from zero that rows may have, as for all tracks.
+_MAX_MAGNITUDE = 1e14
+
 #: Relative excess up to which an error counts as held: the rounding of the measurement.
 _ROUNDING = 1e-9
 
 #: What becomes of rows that are not simply taken.
 _FAR = "rows more than 400 km from the map left out"
+_HUGE = "rows too far from zero left out"
 _REPEATED = "rows at the time of the one before left out"
 _LATE = "rows from before the last one of their track left out; --sort puts them in order"
 _SORTED = "rows put in the order of time"
@@ -148,7 +152,7 @@ class StreamCompressor:
     """
 
     #: What is counted of rows that the archive has not.
-    LOSSES = (_FAR, _LATE, _OUTLIERS)
+    LOSSES = (_FAR, _HUGE, _LATE, _OUTLIERS)
 
     def __init__(
         self,
@@ -196,9 +200,18 @@ class StreamCompressor:
         BoundError
             If they can't be held within the bound; the archive stays as it was.
         """
-        # On the plane of the archive; where there is none, around the first rows.
         if not len(rows):
             return False
+        names, resumed, counts = dict(self._names), set(self._resumed), dict(self.counts)
+        try:
+            return self._add(rows)
+        except BoundError:
+            # Nothing was taken.
+            self._names, self._resumed, self.counts = names, resumed, counts
+            raise
+
+    def _add(self, rows: StreamRows) -> bool:
+        # On the plane of the archive; where there is none, around the first rows.
         self._check_kind(rows)
         plane = self._plane_of(rows)
         new: dict[str, _Samples] = {}
@@ -208,12 +221,12 @@ class StreamCompressor:
             return False
 
         # Learn them.
-        before = sum(map(len, new.values()))
+        taken = sum(map(len, new.values()))
         if self._is_begun:
             self._append(new, plane)
         else:
             self._compress_all(new, plane)
-        self.points += before
+        self.points += taken
         self._limit_window()
         return True
 
@@ -240,7 +253,11 @@ class StreamCompressor:
         return choose_plane(degrees[:, 0], degrees[:, 1])
 
     def _on_plane(self, times: Floats, coordinates: Floats, plane: Plane | None) -> _Samples:
-        """Return rows as samples; those too far from the map are left out."""
+        """Return rows as samples; those too far from the map, or from zero, are left out."""
+        fits = (np.abs(coordinates) <= _MAX_MAGNITUDE).all(axis=1)
+        fits &= np.abs(times) <= _MAX_MAGNITUDE
+        self._count(_HUGE, int((~fits).sum()))
+        times, coordinates = times[fits], coordinates[fits]
         if plane is None:
             return _Samples(times, coordinates)
         if self.archive is not None:

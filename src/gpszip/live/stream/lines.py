@@ -40,6 +40,7 @@ class StreamLines:
         self._descriptor = descriptor
         self._chunks: queue.Queue[bytes] = queue.Queue(_MAX_CHUNKS)
         self._rest = b""
+        self._left: list[bytes] = []
         self._stopped = threading.Event()
         self._ended = False
         self.cut = 0
@@ -61,7 +62,7 @@ class StreamLines:
         Parameters
         ----------
         count : int
-            Lines after which to return; one chunk may bring some more.
+            Lines at most.
         seconds : float
             Time from the first line after which to return.
 
@@ -72,13 +73,17 @@ class StreamLines:
         bool
             Whether there may be more.
         """
-        lines: list[bytes] = []
-        deadline = float("inf")
+        # Lines that are left of the last chunk count from now on.
+        lines, self._left = self._left, []
+        deadline = time.monotonic() + seconds if lines else float("inf")
         while len(lines) < count and time.monotonic() < deadline and not self._ended:
             lines += self._next_lines()
             if lines and deadline == float("inf"):
                 deadline = time.monotonic() + seconds
-        return lines, not self._ended
+
+        # A chunk may bring more than are asked for.
+        lines, self._left = lines[:count], lines[count:]
+        return lines, bool(self._left) or not self._ended
 
     def _next_lines(self) -> list[bytes]:
         """Wait a moment for a chunk, and return the lines that it completes."""

@@ -30,6 +30,7 @@ from gpszip.io.logs.mixed_files import choose_format
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.logs.table_batches import TableBatch, TableInterpreter
 from gpszip.io.storage.source import Source
+from gpszip.io.tables.quotes import check_quotes
 from gpszip.io.tables.roles import Roles
 from gpszip.live.fix import Fix
 from gpszip.live.formats.text import TextParser
@@ -247,10 +248,12 @@ class _TableLines:
             return StreamRows({})
 
         # Interpret them; rows are named by their lines.
+        source = Source(self._name, data=data)
         try:
-            self._table, malformed = read_table(
-                Source(self._name, data=data), self._dialect, self._roles
-            )
+            self._table, malformed = read_table(source, self._dialect, self._roles)
+            # A quote that is never closed would have swallowed rows.
+            records = self._dialect.header_lines + self._table.num_rows + malformed
+            check_quotes(source, self._dialect.encoding, self._dialect.delimiter, records)
             raw = self._interpreter.interpret(TableBatch(self._table, malformed))
         except (pa.ArrowException, UnicodeDecodeError) as error:
             raise InputError(explain_table_error(error), path=self._name) from None

@@ -7,7 +7,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 
@@ -15,7 +15,7 @@ from gpszip.errors import BoundError, NoPositionsError, OutputError
 from gpszip.live.notices import Notices
 from gpszip.live.stream.compressor import StreamCompressor
 from gpszip.live.stream.lines import StreamLines
-from gpszip.live.stream.rows import StreamReader
+from gpszip.live.stream.rows import StreamReader, StreamRows
 
 __all__ = ["BATCH_LINES", "BATCH_SECONDS", "StreamResult", "follow_stream", "stop_at_signals"]
 
@@ -24,6 +24,9 @@ BATCH_LINES = 10_000
 
 #: Seconds after which it is complete in any case.
 BATCH_SECONDS = 60.0
+
+#: How often rows that can't be held together are halved: one wrong row costs a few others.
+_MAX_HALVINGS = 6
 
 #: A batch waits this many times as long as the last one took: at most a fifth of the time goes to
 #: batches, however long the archive is.
@@ -131,14 +134,39 @@ def _add(
     for repair in rows.repairs:
         notices.add(repair.what, repair.count, repair.where, repair.value)
         result.lost += repair.count if repair.drops else 0
+    return _add_rows(rows, compressor, notices, result, _MAX_HALVINGS)
+
+
+def _add_rows(
+    rows: StreamRows,
+    compressor: StreamCompressor,
+    notices: Notices,
+    result: StreamResult,
+    halvings: int,
+) -> bool:
+    """Learn rows; of those that can't be held together, each half by itself."""
     try:
         return compressor.add(rows)
     except BoundError as error:
         if compressor.archive is None:
             raise
-        result.lost += len(rows)
-        notices.add(f"rows left out: {error.detail}", len(rows), "")
-        return False
+        if not halvings or len(rows) == 1:
+            result.lost += len(rows)
+            notices.add(f"rows left out: {error.detail}", len(rows), "")
+            return False
+    halves = [_add_rows(each, compressor, notices, result, halvings - 1) for each in _halves(rows)]
+    return any(halves)
+
+
+def _halves(rows: StreamRows) -> Iterator[StreamRows]:
+    """Yield the first and the second half of the rows of each track."""
+    for part in (0, 1):
+        tracks = {}
+        for name, (times, coordinates) in rows.tracks.items():
+            middle = (len(times) + 1) // 2
+            half = slice(middle, None) if part else slice(middle)
+            tracks[name] = times[half], coordinates[half]
+        yield replace(rows, tracks={name: own for name, own in tracks.items() if len(own[0])})
 
 
 def _tell_counts(
