@@ -26,7 +26,7 @@ BATCH_LINES = 10_000
 BATCH_SECONDS = 60.0
 
 #: How often rows that can't be held together are halved: one wrong row costs a few others.
-_MAX_HALVINGS = 6
+_MAX_SPLITS = 6
 
 #: A batch waits this many times as long as the last one took: at most a fifth of the time goes to
 #: batches, however long the archive is.
@@ -134,7 +134,7 @@ def _add(
     for repair in rows.repairs:
         notices.add(repair.what, repair.count, repair.where, repair.value)
         result.lost += repair.count if repair.drops else 0
-    return _add_rows(rows, compressor, notices, result, _MAX_HALVINGS)
+    return _add_rows(rows, compressor, notices, result, _MAX_SPLITS)
 
 
 def _add_rows(
@@ -142,7 +142,7 @@ def _add_rows(
     compressor: StreamCompressor,
     notices: Notices,
     result: StreamResult,
-    halvings: int,
+    splits: int,
 ) -> bool:
     """Learn rows; of those that can't be held together, each half by itself."""
     try:
@@ -150,11 +150,11 @@ def _add_rows(
     except BoundError as error:
         if compressor.archive is None:
             raise
-        if not halvings or len(rows) == 1:
+        if not splits or len(rows) == 1:
             result.lost += len(rows)
             notices.add(f"rows left out: {error.detail}", len(rows), "")
             return False
-    halves = [_add_rows(each, compressor, notices, result, halvings - 1) for each in _halves(rows)]
+    halves = [_add_rows(each, compressor, notices, result, splits - 1) for each in _halves(rows)]
     return any(halves)
 
 
