@@ -245,7 +245,7 @@ def read(
 
 
 def compress(
-    tracks: Logs,
+    tracks: Logs | Coreset | CoresetStream,
     *,
     rmse: float | None = None,
     max_error: float | None = None,
@@ -272,9 +272,10 @@ def compress(
 
     Parameters
     ----------
-    tracks : Track, path or frame, or sequence of these
+    tracks : Track, path or frame, or sequence of these; Coreset or CoresetStream
         Tracks on one plane, with different ids, which are not modified; or files and frames, which
-        are read as :func:`read` does.
+        are read as :func:`read` does. Of a coreset, the archive holds ``rmse`` at the samples of
+        its log, or states what k and m have there; it takes no options but these and ``effort``.
     rmse, max_error : float, optional
         Bound on the root mean square, or on the largest, distance in metres between a sample and
         the decoded position at its time. They may be given together.
@@ -347,6 +348,8 @@ def compress(
     """
     from gpszip.io.logs.raw import name_heights
     from gpszip.pipeline.compress import compress as compress_tracks
+    from gpszip.sketches.coreset import Coreset
+    from gpszip.sketches.stream import CoresetStream
 
     # A single name would be taken for a sequence of letters.
     names = (keep,) if isinstance(keep, str) else tuple(keep)
@@ -368,6 +371,15 @@ def compress(
         curves=tuple((keep_within or {}).items()),
         heights=heights,
     )
+
+    # A coreset has no samples.
+    if isinstance(tracks, Coreset | CoresetStream):
+        from gpszip.pipeline.compress_coreset import compress_coreset
+
+        if map is not None or lossless:
+            raise OptionError("map and lossless don't go with a coreset", remedy="give the log")
+        archive, report = compress_coreset(tracks, options, executor=executor, progress=progress)
+        return replace(archive, report=report)
 
     # The map and the tracks may still be files.
     # Positions are read onto the plane of the map, so that both can be compared.

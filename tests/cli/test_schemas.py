@@ -109,6 +109,12 @@ def test_a_dry_run_has_a_schema_of_its_own(gpszip, files):
         check(run.json, "compress --dry-run")
 
 
+def test_streams_have_a_schema_of_their_own(gpszip, files):
+    run = gpszip("compress rough.csv --stream -o out.gpsz --rmse 1 --effort 1 --json")
+    assert run.code == 3, run.err
+    check(run.json, "compress --stream")
+
+
 def test_bytes_have_schemas_of_their_own(gpszip, lossless_archive):
     for words in ("diff walk.gpsz walk.csv --exact", "decompress walk.gpsz --exact -o back.csv"):
         run = gpszip(f"{words} --json")

@@ -116,7 +116,8 @@ _COMPRESSION: Fields = {
     "bytes_out": "integer: size of the archive",
     "ratio": "number: bytes_in / bytes_out",
     "rmse": "number: root mean square error in metres, measured after decoding",
-    "max_error": "number: largest error of any sample in metres, measured after decoding",
+    "max_error": "number|null: largest error of any sample in metres, measured after decoding; "
+    "null for a coreset",
     "bound": "string: the bound that was held; empty if there was none",
     "gap": "number|null: longer intervals, in seconds, are gaps; null for none",
     "seconds": "number: time on the clock",
@@ -126,6 +127,25 @@ _COMPRESSION: Fields = {
     **_NOTES,
     **_READ,
     **_DROPPED,
+}
+
+_STREAM: Fields = {
+    "lines": "integer: lines that were read",
+    "points": "integer: samples that went in",
+    "lost": "integer: lines and rows that could not be used",
+    "batches": "integer: times that the archive was written",
+    "tracks": "integer: tracks of the archive",
+    "bytes_out": "integer: size of the archive",
+    "rmse": "number: root mean square error of the samples that went in, in metres",
+    "max_error": "number: their largest error in metres",
+    "bound": "number|null: the error in metres that the archive states",
+    "nodes": "integer: nodes of the archive's map",
+    "edges": "integer: its edges",
+    "counts": {
+        "type": "object",
+        "additionalProperties": {"type": "integer"},
+        "description": "rows and lines that were left out or put elsewhere, by what was done",
+    },
 }
 
 _DRY_RUN: Fields = {
@@ -950,6 +970,7 @@ _ROLLED = _object(
 _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "compress": ({**_OUTPUT, **_COMPRESSION}, {}),
     "compress --dry-run": (_DRY_RUN, {}),
+    "compress --stream": ({**_OUTPUT, **_STREAM}, {}),
     "decompress": (
         {
             **_OUTPUT,

@@ -96,8 +96,21 @@ def open_archives(path: str | os.PathLike[str]) -> list[tuple[Path, Archive]]:
     return opened
 
 
-def check_archive(archive: Archive, path: Path) -> None:
+def check_archive(
+    archive: Archive, path: Path, *, needs_maximum: bool = True, option: str = "--archive"
+) -> None:
     """Refuse an archive to which no fixes can be appended.
+
+    Parameters
+    ----------
+    archive : Archive
+        The archive.
+    path : Path
+        Where it is.
+    needs_maximum : bool
+        Whether it has to state a maximum error.
+    option : str
+        The option that names it.
 
     Raises
     ------
@@ -107,13 +120,13 @@ def check_archive(archive: Archive, path: Path) -> None:
     reasons = {
         "lies on a known map": archive.contents.grid is None,
         "has tracks without times": not archive.timed or bool(archive.untimed),
-        "states no maximum error": largest_error(archive.error_bound) is None,
+        "states no maximum error": needs_maximum and largest_error(archive.error_bound) is None,
         "keeps columns, which fixes don't have": archive.kept_columns is not None
         or bool(archive.curve_sizes),
     }
     for reason, holds in reasons.items():
         if holds:
-            raise OptionError(reason, path=str(path), remedy="name another archive with --archive")
+            raise OptionError(reason, path=str(path), remedy=f"name another archive with {option}")
 
 
 def largest_error(bound: ErrorBound | None) -> float | None:
