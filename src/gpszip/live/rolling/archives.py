@@ -181,13 +181,14 @@ def distances_to(archive: Archive, agent: str, fixes: AgentFixes) -> Floats:
     return distances
 
 
-def reachable(archive: Archive, fixes: AgentFixes) -> Flags:
-    """Whether each fix has its place on an archive's map, shape (n,)."""
+def reachable(archive: Archive, coordinates: Floats) -> Flags:
+    """Whether each position of shape (n, d) has its place on an archive's map, shape (n,)."""
     plane = archive.grid.plane
     if plane is None:
-        return np.full(len(fixes), _has_all_coordinates(archive, fixes))
-    lat, lon = np.radians(fixes.coordinates[:, :2].T)
-    near = np.zeros(len(fixes), np.bool_)
+        has_all = coordinates.shape[1] >= archive.grid.dimension
+        return np.full(len(coordinates), has_all)
+    lat, lon = np.radians(coordinates[:, :2].T)
+    near = np.zeros(len(coordinates), np.bool_)
     for center in plane.centers:
         center_lat, center_lon = np.radians(np.array(center) / _UNITS_PER_DEGREE)
         cosine = np.sin(lat) * np.sin(center_lat) + np.cos(lat) * np.cos(center_lat) * np.cos(

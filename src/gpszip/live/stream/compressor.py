@@ -25,7 +25,6 @@ from gpszip.geo.outliers import find_outliers
 from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.io.logs.raw import unused_name
 from gpszip.live.rolling.archives import largest_error, reachable
-from gpszip.live.rolling.fixes import AgentFixes
 from gpszip.live.stream.order import Ordered, order_rows, sort_rows
 from gpszip.live.stream.rows import StreamRows
 from gpszip.model import Options, Plane, Report, Track
@@ -261,7 +260,7 @@ class StreamCompressor:
         if plane is None:
             return _Samples(times, coordinates)
         if self.archive is not None:
-            near = reachable(self.archive, AgentFixes(times, coordinates))
+            near = reachable(self.archive, coordinates)
             self._count(_FAR, len(times) - near.sum())
             times, coordinates = times[near], coordinates[near]
         return _Samples(times, to_plane(coordinates[:, 0], coordinates[:, 1], plane))
