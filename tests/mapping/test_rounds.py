@@ -114,14 +114,6 @@ def sparse_log():
     return build_time_grid(tracks, no_gaps, grid, sparse=True), len(tracks)
 
 
-def test_few_rounds_keep_the_target(sparse_log):
-    plan = Plan(target=1.0, extra_rounds=6)
-    outcome = fit(*sparse_log, plan.few_rounds())
-    assert 0.9 < outcome.error <= 1.0
-    assert outcome.size == len(encode(outcome.walks))
-    assert outcome.size < 1.1 * fit(*sparse_log, plan).size
-
-
 def test_many_knots_end_the_rounds_once_they_use_up_the_error(sparse_log):
     # Smaller walks of a later round are not found.
     plan = Plan(target=1.0, rounds=16, used_up=0.95)

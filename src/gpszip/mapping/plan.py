@@ -32,18 +32,6 @@ _FEW_MAX_ERROR_ROUNDS = 3
 #: The beam on such a log.
 _NARROW_BEAM = 6.0
 
-#: Rounds on a large sparse log where speed counts.
-_SPARSE_ROUNDS = 5
-#: Rounds after which any walks within the target do on such a log.
-_ENOUGH_SPARSE_ROUNDS = 7
-#: Share of the price of the first chains with which its rounds begin: of three cabs' walks, five
-#: rounds from here take as many bytes as nine rounds from the full price.
-_LOW_PRICE = 0.8
-#: Radius, in targets, within which its first knots share a node.
-_WIDE_RADIUS = 2.0
-#: Share of the target from which on an error uses it up there.
-_NEARLY_USED_UP = 0.985
-
 
 @dataclass(frozen=True)
 class Plan:
@@ -69,12 +57,6 @@ class Plan:
     encode_alternate_rounds : bool, default False
         Encode the walks only every other round before the last few, concurrently with the next
         round. Prices then lag behind by one round.
-    has_few_rounds : bool, default False
-        Encode the walks of the first round, for prices, and those of the last rounds only if they
-        are within the target; let the price follow the error from the first round on.
-    first_price : float, default 1
-        Price of a squared error in the first round, in prices of the first chains: a low one leads
-        to few nodes, and the price follows the error from there.
     used_up : float, default 0.992
         Share of the target from which on an outcome's error uses it up.
     many_knots : int, optional
@@ -111,8 +93,6 @@ class Plan:
     give_up_ratio: float = np.inf
     beam: float = np.inf
     encode_alternate_rounds: bool = False
-    has_few_rounds: bool = False
-    first_price: float = 1.0
     used_up: float = 0.992
     many_knots: int | None = None
     tolerance: float = 1.0
@@ -135,19 +115,6 @@ class Plan:
             max_error_rounds=min(self.max_error_rounds, _FEW_MAX_ERROR_ROUNDS),
             beam=min(self.beam, _NARROW_BEAM),
             limits_all=False,
-        )
-
-    def few_rounds(self) -> Plan:
-        """Return the plan for a large sparse log where speed counts."""
-        return replace(
-            self,
-            rounds=min(self.rounds, _SPARSE_ROUNDS),
-            enough_rounds=_ENOUGH_SPARSE_ROUNDS,
-            encode_alternate_rounds=False,
-            has_few_rounds=True,
-            first_price=_LOW_PRICE,
-            leader_radius=_WIDE_RADIUS,
-            used_up=_NEARLY_USED_UP,
         )
 
 

@@ -67,11 +67,6 @@ _PRICE_POWER = 2.5
 #: What the power gains in each further round in which the error is on the same side.
 _POWER_STEP = 1.5
 
-#: Factor by which the error falls to the next of few rounds at the same price.
-_FALL = 0.955
-#: The same in the rounds just after these.
-_LATE_FALL = 0.985
-
 #: Share of the error allowed that the price targets.
 _AIM = 0.995
 #: Excess below which the price falls harder each round, on a sparse time grid.
@@ -302,7 +297,7 @@ def fit(
         # Measure the walks, and encode them now or beside the next E-step.
         outcome, errors = _measure(layout, tracks, plan, prior, segments)
         outcome = replace(outcome, prices=prices)
-        if _is_encoded(plan, turn, outcome):
+        if _is_encoded(plan, turn):
             best.add(outcome, layout)
         if turn == 0 or not plan.encode_alternate_rounds:
             best.encode()
@@ -426,17 +421,13 @@ class _PriceControl:
     def follow(self, outcome: Outcome, turn: int) -> bool:
         """Raise the price if the error is too large, and lower it if it is too small.
 
-        The first walks of a cold start tell little, unless few rounds must do.
+        The first walks of a cold start tell little.
 
         Returns
         -------
         bool
             Whether there is hope that the target is met.
         """
-        # Few rounds begin at a low price: aim at the error of the next round at the present one.
-        if self.plan.has_few_rounds and turn < self.plan.rounds - 1:
-            self.price *= (_FALL * _find_excess(outcome, self.plan)) ** _PRICE_POWER
-            return True
         if self.is_cold and turn == 0:
             return True
 
@@ -444,8 +435,6 @@ class _PriceControl:
         if self._is_hopeless(outcome):
             return False
         excess = _find_excess(outcome, self.plan)
-        if self.plan.has_few_rounds and turn < (self.plan.enough_rounds or 0):
-            excess *= _LATE_FALL
         self.last_error = outcome.error
         self.rise_power = self.rise_power + _POWER_STEP if excess > 1 else _PRICE_POWER
         self.fall_power = self.fall_power + _POWER_STEP if excess < self.slack else _PRICE_POWER
@@ -465,10 +454,8 @@ def _choose_slack(plan: Plan, sparse_grid: TimeGrid | None) -> float:
     return _SMALL_SLACK if plan.extra_rounds else 0.0
 
 
-def _is_encoded(plan: Plan, turn: int, outcome: Outcome) -> bool:
+def _is_encoded(plan: Plan, turn: int) -> bool:
     """Whether the walks of a round are encoded."""
-    if plan.has_few_rounds:
-        return turn == 0 or (turn >= plan.rounds - 1 and outcome.error <= plan.target)
     return (
         not plan.encode_alternate_rounds or turn % 2 == 0 or turn >= plan.rounds - _ENCODED_ROUNDS
     )
@@ -700,7 +687,6 @@ def _start_cold(
     if error > plan.give_up_ratio * plan.target:
         return None
     slot_nodes, positions = _cluster_knots(time_grid, slot_nodes, positions, plan, prior)
-    price *= plan.first_price
     return Start(slot_nodes, positions, estimate_prices(None, price, len(positions), plan.beam))
 
 
