@@ -911,7 +911,7 @@ def changes(
     new: Archive | Logs | None = None,
     *,
     since: Times | None = None,
-    false_alarms: float = 0.2,
+    false_alarms: float = 0.1,
     threshold: float | None = None,
     kinds: Sequence[str] = (
         "closed",
@@ -934,7 +934,7 @@ def changes(
     since : time, optional
         Instead: the time from which on ``old`` is compared with the time before, as for
         :meth:`Archive.position`.
-    false_alarms : float, default 0.2
+    false_alarms : float, default 0.1
         False alarms of closures a day that the threshold of evidence is chosen for, by watching a
         part of the time before with what was learnt from another.
     threshold : float, optional
