@@ -973,7 +973,9 @@ def changes(
     )
 
 
-def unusual(log: Logs, archive: Archive | str | os.PathLike[str]) -> Unusual:
+def unusual(
+    log: Logs, archive: Archive | str | os.PathLike[str], *, timezone: str | None = None
+) -> Unusual:
     """Score how unusual the trips of a log are, given an archive of earlier trips there.
 
     Scores are bits: each doubles the surprise. They add up what the strangest part of the trip's
@@ -987,6 +989,9 @@ def unusual(log: Logs, archive: Archive | str | os.PathLike[str]) -> Unusual:
         Tracks with times. Agents are known by their names: those of tracks of the archive.
     archive : Archive or path
         What is usual.
+    timezone : str, optional
+        Time zone of hours, such as ``Europe/Berlin``; by default that of the place, where the
+        package timezonefinder is there to tell it, else UTC.
 
     Returns
     -------
@@ -1012,7 +1017,7 @@ def unusual(log: Logs, archive: Archive | str | os.PathLike[str]) -> Unusual:
     tracks = _read_if_paths(log)
     tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
     opened = archive if isinstance(archive, Archive) else open_archive(archive)
-    return unusual_in_archive(tracks, opened)
+    return unusual_in_archive(tracks, opened, timezone=timezone)
 
 
 def _archive_of(source: Archive | Logs) -> Archive:

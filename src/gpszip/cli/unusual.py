@@ -18,6 +18,7 @@ from gpszip.cli.histories import (
     outcome_of,
     print_reading,
     reading_facts,
+    timezone_option,
 )
 from gpszip.cli.options import Settings, common_options, force
 from gpszip.cli.outcome import Outcome
@@ -74,6 +75,7 @@ _DAY = 86_400.0
     metavar="BITS",
     help="Score from which a trip counts as unusual.",
 )
+@timezone_option
 @log_options
 @force
 @common_options
@@ -86,6 +88,7 @@ def command(
     target: str | None,
     parts: bool,
     alarm: float,
+    timezone: str | None,
     force: bool,
     **reading: Any,
 ) -> Outcome:
@@ -119,7 +122,7 @@ def command(
     read = read_logs(sources, selection=pop_selection(reading), **reading)
     if not settings.json:
         print_reading(read)
-    found = unusual(read.tracks, archive)
+    found = unusual(read.tracks, archive, timezone=timezone)
     if target is not None:
         _write(found, read.tracks, target, parts=parts)
 

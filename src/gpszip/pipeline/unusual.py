@@ -15,7 +15,7 @@ from gpszip.pipeline.match import network_for
 __all__ = ["unusual"]
 
 
-def unusual(tracks: Sequence[Track], archive: Archive) -> Unusual:
+def unusual(tracks: Sequence[Track], archive: Archive, *, timezone: str | None = None) -> Unusual:
     """Score the trips of a log by what an archive knows; see :func:`gpszip.unusual`."""
     # Trips have times.
     untimed = next((track.id for track in tracks if not track.timed), None)
@@ -28,4 +28,4 @@ def unusual(tracks: Sequence[Track], archive: Archive) -> Unusual:
     network = network_for(tracks, archive)
     ids = tuple(track.id for track in tracks)
     rows = match_traversals(tracks, network, ids, list(range(len(tracks))))
-    return find_unusual(Usual(read_history(archive)), tracks, rows, network)
+    return find_unusual(Usual(read_history(archive), timezone), tracks, rows, network)
