@@ -974,7 +974,11 @@ def changes(
 
 
 def unusual(
-    log: Logs, archive: Archive | str | os.PathLike[str], *, timezone: str | None = None
+    log: Logs,
+    archive: Archive | str | os.PathLike[str],
+    *,
+    timezone: str | None = None,
+    coded: bool = False,
 ) -> Unusual:
     """Score how unusual the trips of a log are, given an archive of earlier trips there.
 
@@ -992,6 +996,9 @@ def unusual(
     timezone : str, optional
         Time zone of hours, such as ``Europe/Berlin``; by default that of the place, where the
         package timezonefinder is there to tell it, else UTC.
+    coded : bool, default False
+        Tell also what the archive's own coder takes to write the path of each trip and part, as
+        ``coded_bits``. This compresses the log on the map of the archive.
 
     Returns
     -------
@@ -1017,7 +1024,7 @@ def unusual(
     tracks = _read_if_paths(log)
     tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
     opened = archive if isinstance(archive, Archive) else open_archive(archive)
-    return unusual_in_archive(tracks, opened, timezone=timezone)
+    return unusual_in_archive(tracks, opened, timezone=timezone, coded=coded)
 
 
 def _archive_of(source: Archive | Logs) -> Archive:
