@@ -1,6 +1,7 @@
 """Agents are compared with those who came by the same route: a plain twin, and two bus lines."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from gpszip.history.changes.choices import list_choices
 from gpszip.history.changes.closures import find_closures
 from gpszip.history.traversals import Traversals
 from gpszip.model import Network
-from history_rows import true_traversals
+from history_rows import drives, street, true_traversals
 
 #: Nodes of a square with both diagonals of its middle: two loops that share edge 0, and its chord.
 _NODES = np.array([[0.0, 0], [100, 0], [200, 60], [100, 120], [200, -60], [100, -120]])
@@ -102,6 +103,28 @@ def test_a_line_that_is_not_served_is_not_closed():
     network, rows = loops(rounds + [(car, _DOWN) for car in (0, 1) for _ in range(40)])
     after = rows.enter >= 150 * 4 * 121
     assert not len(find_closures(network, rows, after, 7.0).directed)
+
+
+def test_turning_back_before_the_junction_or_on_the_edge_is_no_closure():
+    # Cars go on to an edge and turn back at a stop after 30 of 100 m, but five go to its end.
+    rows, ends = [], []
+    for car in range(60):
+        time, whole = 1000.0 * car, car < 5
+        way = [(0, True), (1, True), (1, False)] if car < 40 or car % 2 else [(0, True), (0, False)]
+        rows += [(car, *each, time + 10 * i, time + 10 * i + 10) for i, each in enumerate(way)]
+        reach = (100.0 if whole else 30.0) if len(way) == 3 else 50.0
+        ends += (
+            [(0.0, 100.0), (0.0, reach), (reach, 0.0)]
+            if len(way) == 3
+            else [
+                (0.0, reach),
+                (reach, 0.0),
+            ]
+        )
+    begin, end = np.array(ends).T
+    traversals = replace(drives(rows), begin=begin, end=end)
+    after = traversals.enter >= 20_000
+    assert not len(find_closures(street(2), traversals, after, 2.0).directed)
 
 
 def test_a_closed_edge_is_found_in_a_few_rounds():

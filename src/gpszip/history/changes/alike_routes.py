@@ -46,10 +46,10 @@ _PLACES = (2, 3, 4)
 _PLACE_WEIGHT = 2.0
 
 #: Decay of the weight with the distance of routes, and distance at which it ends.
-_DECAY, _REACH = 0.35, 8.0
+_DECAY, _REACH = 0.35, 8
 
 #: Distance from all others beyond which a route is a new one.
-_NEW = 9.0
+_NEW = 9
 
 #: Latest agents at a junction that count.
 _LATEST = 300
@@ -98,6 +98,9 @@ def compare_routes(rows: Traversals, known: NDArray[np.bool_], choices: Choices)
     low = np.searchsorted(directed[learnt - 1], edges)
     high = np.searchsorted(directed[learnt - 1], edges, side="right")
 
+    # Weights by distance: all distances are whole numbers.
+    weights = np.append(np.exp(-_DECAY * np.arange(_REACH + 1)), 0.0).astype(np.float32)
+
     # Junction by junction; where there is no choice, nothing is compared.
     probability, is_usual = choices.probability.copy(), np.ones(len(before), np.bool_)
     parts = np.split(by_edge, first[1:]) if len(edges) else []
@@ -107,18 +110,17 @@ def compare_routes(rows: Traversals, known: NDArray[np.bool_], choices: Choices)
         if len(asked) == len(part) or not len(others):
             continue
         options, column = np.unique(choices.option[part], return_inverse=True)
-        took = (directed[others][:, None] == options).astype(np.float64)
+        took = (directed[others][:, None] == options).astype(np.float32)
         apart = _distances(rows, asked, others)
         nearest = apart.min(axis=1)
-        off = apart - nearest[:, None]
-        weight = np.where(off <= _REACH, np.exp(-_DECAY * off), 0.0)
+        weight = weights[np.minimum(apart - nearest[:, None], _REACH + 1)]
         taken, total = (weight @ took)[row, column], weight.sum(axis=1)[row]
         probability[part] = (taken + _PRIOR * probability[part]) / (total + _PRIOR)
         is_usual[part] = nearest[row] <= _NEW
     return AlikeRoutes(probability, is_usual)
 
 
-def _distances(rows: Traversals, asked: Longs, others: Longs) -> Floats:
+def _distances(rows: Traversals, asked: Longs, others: Longs) -> NDArray[np.int32]:
     """How far the routes to some traversals lie from those to others, shape (asked, others)."""
     # Each edge that occurs, and each at each place, is a coordinate; equal ones cancel out.
     recent = np.concatenate([_recent_edges(rows, asked), _recent_edges(rows, others)])
@@ -139,8 +141,8 @@ def _distances(rows: Traversals, asked: Longs, others: Longs) -> Floats:
     squares = (points**2).sum(axis=1)
     products = points[: len(asked)] @ points[len(asked) :].T
     apart = squares[: len(asked), None] + squares[len(asked) :] - 2.0 * products
-    rounded: Floats = np.round(apart.astype(np.float64), 3)
-    return rounded
+    distances: NDArray[np.int32] = np.rint(apart).astype(np.int32)
+    return distances
 
 
 def _recent_edges(rows: Traversals, at: Longs) -> Longs:

@@ -5,12 +5,13 @@ turns elsewhere, is evidence of ``-ln(1 - p)`` nats that the edge is closed. Evi
 agents, and a passage of the edge sets it back to 0. So nothing is claimed in the night, in which
 nobody comes. An alarm is raised as soon as evidence reaches a threshold.
 
-Three things look like closures, and are none:
+Four things look like closures, and are none:
 
 - A line that nobody serves for some hours. So p goes by the agents that came by the same route
   (:mod:`gpszip.history.changes.alike_routes`), where that foresees the agents watched better than
   their last edges do (:mod:`gpszip.history.changes.choices`).
 - A new line, lap by lap. What nobody ever travelled like that is no evidence.
+- Turning back on the way to the junction, or at a stop on the edge behind it.
 - A detour, whose agents miss all edges until it ends. Only the edge at which an agent leaves its
   way is evidence, not the next six.
 
@@ -47,8 +48,15 @@ _MIN_PROBABILITY = 0.1
 #: after that in which it misses other edges for the same reason.
 _SURE, _DETOUR = 0.75, 6
 
-#: Share of an edge after which it has been passed.
+#: Share of what agents usually travel of an edge after which it has been passed.
 _PASSED = 0.9
+
+#: Quantile of the metres travelled on an edge that is usual: some edges lead on to where nobody
+#: goes, beyond a stop at which all turn back.
+_USUAL = 0.5
+
+#: Share of an edge within whose end an agent is at the junction.
+_AT_JUNCTION = 0.01
 
 #: Passages that an edge needs before; of others, nothing can be missed.
 _MIN_PASSES = 5
@@ -260,8 +268,9 @@ class _Missed(NamedTuple):
 def _list_missed(network: Network, rows: Traversals, known: Mask, asked: Mask) -> _Missed:
     """List missed passages, with their evidence, and passages."""
     # Missed ones: options that were not taken, of edges with enough passages before.
-    choices = _foresee(network, rows, known, asked)
-    whole = rows.metres >= _PASSED * network.lengths[rows.edge]
+    at_junction = _begins_at_junction(network, rows)
+    choices = _foresee(network, rows, known & at_junction, asked & at_junction)
+    whole = rows.metres >= _PASSED * _usual_metres(network, rows, known)[rows.directed]
     passes = np.bincount(rows.directed[known & whole], minlength=2 * len(network))
     missed = np.flatnonzero(
         ~choices.taken
@@ -311,6 +320,33 @@ def _alarms(runs: _Runs, threshold: float) -> Longs:
     _, first = np.unique(runs.run[beyond], return_index=True)
     alarms: Longs = beyond[first]
     return alarms
+
+
+def _begins_at_junction(network: Network, rows: Traversals) -> Mask:
+    """Whether each traversal begins at the tail of its edge: who turned back before was not there.
+
+    Parameters
+    ----------
+    network : Network
+        The edges.
+    rows : Traversals
+        All traversals.
+    """
+    length = network.lengths[rows.edge]
+    off: Floats = np.where(rows.forward, rows.begin, length - rows.begin)
+    at_junction: Mask = off <= _AT_JUNCTION * length
+    return at_junction
+
+
+def _usual_metres(network: Network, rows: Traversals, known: Mask) -> Floats:
+    """Metres that agents usually travel on each directed edge, shape (2 E,); else its length."""
+    # The quantile of each edge's traversals, sorted by edge and metres.
+    chosen = np.flatnonzero(known)
+    order = chosen[np.lexsort((rows.metres[chosen], rows.directed[chosen]))]
+    edges, first, counts = np.unique(rows.directed[order], return_index=True, return_counts=True)
+    usual = np.repeat(network.lengths, 2)
+    usual[edges] = rows.metres[order[first + (_USUAL * (counts - 1)).astype(np.int64)]]
+    return usual
 
 
 def _foresee(network: Network, rows: Traversals, known: Mask, asked: Mask) -> Choices:
