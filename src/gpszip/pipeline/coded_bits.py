@@ -44,7 +44,7 @@ class CodedBits(NamedTuple):
         >>> CodedBits(np.array([0.0, 10.0, 20.0]), np.array([0.0, 3.0, 4.0])).between(5.0, 12.0)
         7.0
         """
-        # The step that leads out of the stretch is begun within it.
+        # The step that leads out of the time range begins within it.
         first = int(np.searchsorted(self.times, start, side="right"))
         last = int(np.searchsorted(self.times, end, side="left")) + 1
         return float(self.bits[first:last].sum())

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Sequence
-from datetime import date, datetime
 from functools import cached_property
 from typing import Any
 
@@ -26,7 +25,7 @@ from gpszip.history.travel_time import TravelTimes, learn_travel_times
 from gpszip.history.traversals import History, read_history
 from gpszip.model.match import Route
 from gpszip.model.prediction import LikelyNode, LikelyRoute, NextRoad, TripArrival
-from gpszip.model.timestamps import to_seconds
+from gpszip.model.timestamps import Times, to_seconds
 
 __all__ = ["Predictor"]
 
@@ -40,9 +39,6 @@ _BEAM = 12
 _MIN_SHARE = 1e-4
 
 Ints = NDArray[np.int64]
-
-#: A moment: seconds as in the archive; or a date, which is in UTC without a time zone.
-Moment = float | datetime | date | np.datetime64 | str
 
 
 class Predictor:
@@ -142,7 +138,7 @@ class Predictor:
     def next(
         self,
         route: Route | Iterable[Any],
-        time: Moment | None = None,
+        time: Times | None = None,
         agent: str | None = None,
     ) -> list[NextRoad]:
         """Edges that may follow a route, with probabilities.
@@ -181,7 +177,7 @@ class Predictor:
         self,
         route: Route | Iterable[Any],
         m: int,
-        time: Moment | None = None,
+        time: Times | None = None,
         agent: str | None = None,
         *,
         count: int = 5,
@@ -232,7 +228,7 @@ class Predictor:
     def destination(
         self,
         route: Route | Iterable[Any],
-        time: Moment | None = None,
+        time: Times | None = None,
         agent: str | None = None,
         *,
         count: int | None = None,
@@ -268,10 +264,10 @@ class Predictor:
         self,
         route: Route | Iterable[Any],
         goal: int | Route | Iterable[Any],
-        time: Moment | None = None,
+        time: Times | None = None,
         agent: str | None = None,
         *,
-        times: Sequence[Moment] | None = None,
+        times: Sequence[Times] | None = None,
         metres_left: float = 0.0,
     ) -> TripArrival:
         """When the agent arrives, counted from now.
@@ -342,7 +338,7 @@ class Predictor:
     def learn(
         self,
         route: Route | Iterable[Any],
-        times: Sequence[Moment] | None = None,
+        times: Sequence[Times] | None = None,
         agent: str | None = None,
     ) -> None:
         """Add a route that is over to what :meth:`next` and :meth:`routes` know.
@@ -372,7 +368,7 @@ class Predictor:
     def surprise(
         self,
         route: Route | Iterable[Any],
-        times: Sequence[Moment] | None = None,
+        times: Sequence[Times] | None = None,
         agent: str | None = None,
     ) -> list[float]:
         """Bits that each edge after the first takes: ``-log2`` of its probability before it came.
@@ -406,7 +402,7 @@ class Predictor:
         self,
         route: list[int],
         goal: int | Route | Iterable[Any],
-        time: Moment | None,
+        time: Times | None,
         agent: str | None,
     ) -> list[int]:
         """Directed edges from the end of a route to the goal."""
@@ -466,7 +462,7 @@ class Predictor:
         return read_route(route, self.model.options, len(self.network))
 
     def _read_with_hours(
-        self, route: Route | Iterable[Any], times: Sequence[Moment] | None
+        self, route: Route | Iterable[Any], times: Sequence[Times] | None
     ) -> tuple[list[int], list[int | None]]:
         """Directed edges at the end of a route, and the hours at which they were entered."""
         route = route if isinstance(route, Route) else list(route)
@@ -485,7 +481,7 @@ class Predictor:
             hours[known] = self.calendar.part("hour", times[known])
         return hours
 
-    def _hour(self, time: Moment | None) -> int | None:
+    def _hour(self, time: Times | None) -> int | None:
         """Hour of the day, if the archive's times tell it."""
         if time is None:
             return None
@@ -524,8 +520,8 @@ def _rank(each: tuple[float, Any]) -> tuple[float, Any]:
     return -each[0], each[1]
 
 
-def _in_seconds(time: Moment) -> float:
-    """Seconds of a moment, as in the archive.
+def _in_seconds(time: Times) -> float:
+    """Seconds of a single time, as in the archive.
 
     Examples
     --------
