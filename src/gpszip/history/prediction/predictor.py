@@ -473,7 +473,7 @@ class Predictor:
             raise OptionError(f"the route has {len(route)} edges and {len(times)} times")
         return directed, [self._hour(time) for time in list(times)[-len(directed) :]]
 
-    def hours_of(self, times: NDArray[np.float64]) -> Ints:
+    def hours_of(self, times: NDArray[np.float64]) -> NDArray[np.int64]:
         """Local hour of the day of times, shape (n,); -1 where unknown."""
         hours = np.full(len(times), -1, np.int64)
         if self.has_hours:
