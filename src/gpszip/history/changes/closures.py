@@ -55,8 +55,8 @@ _PASSED = 0.9
 #: goes, beyond a stop at which all turn back.
 _USUAL = 0.5
 
-#: Share of an edge within whose end an agent is at the junction.
-_AT_JUNCTION = 0.01
+#: Share of an edge within whose end an agent is at the junction: matches turn a little before it.
+_AT_JUNCTION = 0.2
 
 #: Passages that an edge needs before; of others, nothing can be missed.
 _MIN_PASSES = 5
