@@ -926,7 +926,7 @@ def changes(
     new: Archive | Logs | None = None,
     *,
     since: Times | None = None,
-    false_alarms: float = 0.2,
+    false_alarms: float = 0.1,
     threshold: float | None = None,
     kinds: Sequence[str] = (
         "closed",
@@ -949,7 +949,7 @@ def changes(
     since : time, optional
         Instead: the time from which on ``old`` is compared with the time before, as for
         :meth:`Archive.position`.
-    false_alarms : float, default 0.2
+    false_alarms : float, default 0.1
         False alarms of closures a day that the threshold of evidence is chosen for, by watching a
         part of the time before with what was learnt from another.
     threshold : float, optional
@@ -988,7 +988,13 @@ def changes(
     )
 
 
-def unusual(log: Logs, archive: Archive | str | os.PathLike[str]) -> Unusual:
+def unusual(
+    log: Logs,
+    archive: Archive | str | os.PathLike[str],
+    *,
+    timezone: str | None = None,
+    coded: bool = False,
+) -> Unusual:
     """Score how unusual the trips of a log are, given an archive of earlier trips there.
 
     Scores are bits: each doubles the surprise. They add up what the strangest part of the trip's
@@ -1002,6 +1008,12 @@ def unusual(log: Logs, archive: Archive | str | os.PathLike[str]) -> Unusual:
         Tracks with times. Agents are known by their names: those of tracks of the archive.
     archive : Archive or path
         What is usual.
+    timezone : str, optional
+        Time zone of hours, such as ``Europe/Berlin``; by default that of the place, where the
+        package timezonefinder is there to tell it, else UTC.
+    coded : bool, default False
+        Tell also what the archive's own coder takes to write the path of each trip and part, as
+        ``coded_bits``. This compresses the log on the map of the archive.
 
     Returns
     -------
@@ -1027,7 +1039,7 @@ def unusual(log: Logs, archive: Archive | str | os.PathLike[str]) -> Unusual:
     tracks = _read_if_paths(log)
     tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
     opened = archive if isinstance(archive, Archive) else open_archive(archive)
-    return unusual_in_archive(tracks, opened)
+    return unusual_in_archive(tracks, opened, timezone=timezone, coded=coded)
 
 
 def _archive_of(source: Archive | Logs) -> Archive:

@@ -250,6 +250,7 @@ _ANOMALY: Fields = {
     "t_end": "number: seconds at which it ends",
     "score": "number: bits; each doubles the surprise",
     "reason": "string: what is unusual, for people",
+    "coded_bits": "number|null: bits of its path by the archive's coder, if asked",
     "position": _list("number", "latitude and longitude, or x and y; empty for an absence"),
     "edges": _ROUTE,
 }
@@ -264,6 +265,7 @@ _UNUSUAL: Fields = {
                 "t_end": "number: seconds at which it ends",
                 "score": "number: bits; each doubles the surprise",
                 "reason": "string: what is the most unusual of it",
+                "coded_bits": "number|null: bits of its path by the archive's coder, if asked",
                 "parts": _list(_object(_ANOMALY), "its unusual parts, the most unusual first"),
             }
         ),

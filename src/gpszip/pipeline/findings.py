@@ -227,7 +227,7 @@ def _find_travel(
     return _Travel(
         usage=attempt("usage", lambda: measure_usage(history, by, zone)),
         changes=attempt("changes", lambda: _compare_times(history, since)),
-        unusual=attempt("unusual", lambda: score_own_trips(history, since, spans)),
+        unusual=attempt("unusual", lambda: score_own_trips(history, since, spans, zone)),
         rounds=attempt("rounds", lambda: _find_regular_rounds(history, since)),
     )
 

@@ -83,6 +83,7 @@ def score_own_trips(
     history: History,
     since: float | None = None,
     spans: Sequence[tuple[str, float, float]] | None = None,
+    timezone: str | None = None,
 ) -> OwnTrips:
     """Score trips of an archive by what others of its trips did.
 
@@ -96,6 +97,8 @@ def score_own_trips(
     spans : sequence of (str, float, float), optional
         Trips: name of the track, begin and end in seconds, such as those that lead from place to
         place. By default, a trip ends with a gap or a stop of five minutes.
+    timezone : str, optional
+        Time zone of hours; by default that of the place, else UTC.
 
     Returns
     -------
@@ -148,7 +151,7 @@ def score_own_trips(
     scored: dict[int, UnusualTrip] = {}
     told: list[tuple[float, bool]] = []
     for asked, known in folds:
-        usual = Usual(History(network, rows.take(known[of_row])))
+        usual = Usual(History(network, rows.take(known[of_row])), timezone)
         for trip in np.flatnonzero(asked & is_scored).tolist():
             own = np.arange(first[trip], end[trip])
             track = int(rows.track[own[0]])

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.geo.planes import to_geographic
-from gpszip.history.prediction.predictor import Predictor, hours_of_day
+from gpszip.history.prediction.predictor import Predictor
 from gpszip.history.prediction.read_route import tell_route
 from gpszip.history.traversals import History, Traversals
 from gpszip.history.unusual.absences import find_absences
@@ -84,7 +84,7 @@ def find_unusual(
         usual.score(trip, tracks[trip.track].id, traversals, tracks[trip.track].plane)
         for trip in listed
     ]
-    absences = find_absences(usual.rows, tracks, traversals)
+    absences = find_absences(usual.rows, tracks, traversals, usual.predictor.calendar)
     return Unusual(tuple(trips), absences, usual.network.plane is not None)
 
 
@@ -95,21 +95,22 @@ class Usual:
     ----------
     history : History
         Of the archive.
+    timezone : str, optional
+        Time zone of hours; by default that of the place, else UTC.
     """
 
-    def __init__(self, history: History) -> None:
+    def __init__(self, history: History, timezone: str | None = None) -> None:
         self.network, self.rows = history
         rows = self.rows
-        self.predictor = Predictor(history)
+        self.predictor = Predictor(history, timezone=timezone)
         self.model = self.predictor.model
         self.index = index_passes(rows.directed, rows.starts, 2 * len(self.network))
-        self.has_hours = self.predictor.has_hours
         self.paces = learn_paces(self.network, rows, self.hours(rows))
         self.stops = learn_stops(self.network, rows)
 
     def hours(self, rows: Traversals) -> Ints:
         """Hour of the day of each traversal, shape (n,); -1 where times are no dates."""
-        return hours_of_day(rows.enter) if self.has_hours else np.full(len(rows), -1, np.int64)
+        return self.predictor.hours_of(rows.enter)
 
     def score(
         self, trip: LogTrip, name: str, rows: Traversals, plane: Plane | None = None
