@@ -1,36 +1,48 @@
-"""Lossless columns beside pcodec: bytes for times and coordinates, at each log's own digits.
+"""Archives that keep their log byte by byte beside pcodec: all bytes, and speeds.
 
     PYTHONPATH=src python benchmarks/lossless.py LOG.csv [LOG.csv ...]
 
-A log is a CSV file with a header, plain or gzipped. Columns whose cells are all plain numbers take
-part. Both coders get integers; the lossless one divides their grid out itself, and its bytes
-include that. Times are CPU seconds of this process, after a first run that compiles.
+A log is a CSV file with a header, plain or gzipped. pcodec gets the columns of plain numbers as
+integers (cells without their decimal point), the archive the whole file: its bytes are those of
+map, walks and log, of which the walks are listed. Without a bound, one is estimated; --rmse gives
+one in metres. Speeds are those of the log's section, walks being decoded, in CPU seconds of this
+process, after a first run that compiles.
 """
 
 from __future__ import annotations
 
+import argparse
 import csv
 import gzip
+import io
 import math
-import sys
 import time
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pcodec
 
-from gpszip.container.layout import Cursor
-from gpszip.lossless.tables import decode_table, encode_table
+import gpszip
+from gpszip.archive import Archive
+from gpszip.archive.exact import find_exact_logs, find_trails
+from gpszip.container.layout import EXACT_KINDS
+from gpszip.lossless.logs import write_exact_logs
 
 #: Level of pcodec that packs best.
 LEVEL = 12
 
 
+def read_bytes(path: Path) -> bytes:
+    """The log, unpacked."""
+    data = path.read_bytes()
+    return gzip.decompress(data) if path.suffix == ".gz" else data
+
+
 def read_columns(path: Path) -> list[np.ndarray]:
     """Integers of each column of numbers: cells without their decimal point."""
-    opener = gzip.open if path.suffix == ".gz" else open
-    with opener(path, "rt", newline="") as file:
-        rows = list(csv.reader(file))
+    rows = list(csv.reader(io.StringIO(read_bytes(path).decode(), newline="")))
     columns = []
     for name, *cells in zip(*rows, strict=True):
         if name == "track_id":
@@ -46,36 +58,52 @@ def to_integer(cell: str, decimals: int) -> int:
     return int(whole + fraction.ljust(decimals, "0"))
 
 
-def measure(path: Path) -> tuple[int, int, int, float, float]:
-    """Rows, bytes of both coders, and seconds to encode and to decode."""
-    columns = read_columns(path)
+def without_log(archive: Archive) -> Archive:
+    """The archive of the walks alone."""
+    extras = [each for each in archive.contents.extras if each.kind not in EXACT_KINDS]
+    return replace(archive, contents=replace(archive.contents, extras=tuple(extras)))
+
+
+def time_section(archive: Archive, log: bytes) -> tuple[float, float]:
+    """Seconds to encode and to decode the section of a log, once the walks are decoded."""
+    trails = find_trails(archive)
     started = time.process_time()
-    data = encode_table(columns)
+    write_exact_logs([("log", partial(iter, [log]))], io.BytesIO(), trails)
     encoded = time.process_time()
-    back = decode_table(Cursor(data), len(columns[0]), len(columns))
-    decoded = time.process_time()
-    assert all(np.array_equal(a, b) for a, b in zip(columns, back, strict=True))
-    config = pcodec.ChunkConfig(compression_level=LEVEL)
-    peer = sum(len(pcodec.standalone.simple_compress(column, config)) for column in columns)
-    return len(columns[0]), len(data), peer, encoded - started, decoded - encoded
+    logs = find_exact_logs(archive)
+    assert logs is not None
+    assert b"".join(logs.read(0)) == log
+    return encoded - started, time.process_time() - encoded
 
 
 def main() -> None:
-    paths = [Path(name) for name in sys.argv[1:]]
-    measure(paths[0])
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("logs", nargs="+", type=Path)
+    parser.add_argument("--rmse", type=float)
+    arguments = parser.parse_args()
+
+    config = pcodec.ChunkConfig(compression_level=LEVEL)
     logarithms, rows, encoding, decoding = [], 0, 0.0, 0.0
-    for path in paths:
-        count, own, peer, encode_seconds, decode_seconds = measure(path)
-        rows, encoding, decoding = (
-            rows + count,
-            encoding + encode_seconds,
-            decoding + decode_seconds,
+    for path in arguments.logs:
+        archive = gpszip.compress(path, rmse=arguments.rmse, lossless=True)
+        log, columns = read_bytes(path), read_columns(path)
+        peer = sum(len(pcodec.standalone.simple_compress(column, config)) for column in columns)
+
+        # The first run compiles, and decodes the walks.
+        time_section(archive, log)
+        seconds = time_section(archive, log)
+        rows += len(columns[0])
+        encoding, decoding = encoding + seconds[0], decoding + seconds[1]
+        logarithms.append(math.log(archive.size / peer))
+        walks = without_log(archive).size
+        print(
+            f"{path.name:32} {len(columns[0]):9,} rows {peer:9,} pcodec {archive.size:9,} "
+            f"archive {walks:7,} walks {archive.size / peer:.3f}",
+            flush=True,
         )
-        logarithms.append(math.log(own / peer))
-        print(f"{path.name:40} {count:9,} {own:9,} {peer:9,} {own / peer:.3f}")
     mean = math.exp(sum(logarithms) / len(logarithms))
     print(f"geometric mean {mean:.4f}")
-    print(f"encoding {rows / encoding / 1e6:.2f}, decoding {rows / decoding / 1e6:.2f} M samples/s")
+    print(f"encoding {rows / encoding / 1e6:.2f}, decoding {rows / decoding / 1e6:.2f} M rows/s")
 
 
 if __name__ == "__main__":

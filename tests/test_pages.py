@@ -55,6 +55,7 @@ PAGES = {
     "docs/patching.md": (),
     "docs/prediction.md": (),
     "docs/pictures.md": ("patrol", "fine", "medium", "coarse"),
+    "docs/report.md": ("fleet", "night"),
     "docs/segments.md": (),
     "docs/view.md": ("walks",),
     "README.md": ("monday", "north", "south"),

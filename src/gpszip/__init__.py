@@ -118,6 +118,7 @@ if TYPE_CHECKING:
     )
     from gpszip.sketches.stream import CoresetStream
     from gpszip.view.plot import plot
+    from gpszip.view.report.report import HistoryReport, report
     from gpszip.view.write import write_page
 
 __version__ = "0.1.0"
@@ -150,6 +151,7 @@ __all__ = [
     "FinalisedPosition",
     "Fix",
     "GPSZipError",
+    "HistoryReport",
     "InputError",
     "LeftOut",
     "Likelihood",
@@ -247,6 +249,7 @@ __all__ = [
     "plot",
     "polyline",
     "read",
+    "report",
     "rounds",
     "route",
     "save_coreset",
@@ -435,6 +438,7 @@ _HOMES = {
     ),
     "gpszip.sketches.stream": ("CoresetStream",),
     "gpszip.view.plot": ("plot",),
+    "gpszip.view.report.report": ("HistoryReport", "report"),
     "gpszip.view.write": ("write_page",),
 }
 

@@ -11,8 +11,9 @@ import pathlib
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, BinaryIO, Protocol, TypeAlias, cast
 
 import numpy as np
@@ -38,7 +39,6 @@ from gpszip.model.timestamps import Times
 from gpszip.run.executor import Executor
 
 if TYPE_CHECKING:
-    from gpszip.container.contents import Section
     from gpszip.history.changes.changes import Changes
     from gpszip.history.routes import PlannedRoute
     from gpszip.history.usage import Usage
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from gpszip.model.rounds import Rounds
     from gpszip.model.trips import Trips
     from gpszip.model.unusual import Unusual
+    from gpszip.pipeline.compress import LogKeeper
     from gpszip.pipeline.diff import Side
     from gpszip.sketches.coreset import Coreset
     from gpszip.sketches.stream import CoresetStream
@@ -244,7 +245,7 @@ def read(
 
 
 def compress(
-    tracks: Logs,
+    tracks: Logs | Coreset | CoresetStream,
     *,
     rmse: float | None = None,
     max_error: float | None = None,
@@ -271,9 +272,10 @@ def compress(
 
     Parameters
     ----------
-    tracks : Track, path or frame, or sequence of these
+    tracks : Track, path or frame, or sequence of these; Coreset or CoresetStream
         Tracks on one plane, with different ids, which are not modified; or files and frames, which
-        are read as :func:`read` does.
+        are read as :func:`read` does. Of a coreset, the archive holds ``rmse`` at the samples of
+        its log, or states what k and m have there; it takes no options but these and ``effort``.
     rmse, max_error : float, optional
         Bound on the root mean square, or on the largest, distance in metres between a sample and
         the decoded position at its time. They may be given together.
@@ -346,6 +348,8 @@ def compress(
     """
     from gpszip.io.logs.raw import name_heights
     from gpszip.pipeline.compress import compress as compress_tracks
+    from gpszip.sketches.coreset import Coreset
+    from gpszip.sketches.stream import CoresetStream
 
     # A single name would be taken for a sequence of letters.
     names = (keep,) if isinstance(keep, str) else tuple(keep)
@@ -368,28 +372,39 @@ def compress(
         heights=heights,
     )
 
+    # A coreset has no samples.
+    if isinstance(tracks, Coreset | CoresetStream):
+        from gpszip.pipeline.compress_coreset import compress_coreset
+
+        if map is not None or lossless:
+            raise OptionError("map and lossless don't go with a coreset", remedy="give the log")
+        archive, report = compress_coreset(tracks, options, executor=executor, progress=progress)
+        return replace(archive, report=report)
+
     # The map and the tracks may still be files.
     # Positions are read onto the plane of the map, so that both can be compared.
     known_map = map if map is None or isinstance(map, Archive) else open_archive(map)
     plane = None if known_map is None else known_map.grid.plane
-    extras = _exact_sections(tracks) if lossless else ()
     columns = (*names, *(keep_within or {}))
-    with _open_log(
-        tracks,
-        memory,
-        plane,
-        columns,
-        times,
-        progress,
-        options.thesis,
-        heights=heights and times and not name_heights(columns),
-    ) as log:
+    with (
+        _log_keeper(tracks) if lossless else nullcontext() as logs,
+        _open_log(
+            tracks,
+            memory,
+            plane,
+            columns,
+            times,
+            progress,
+            options.thesis,
+            heights=heights and times and not name_heights(columns),
+        ) as log,
+    ):
         archive, report = compress_tracks(
             log,
             options,
             memory=memory,
             map=known_map,
-            extras=extras,
+            logs=logs,
             executor=executor,
             progress=progress,
         )
@@ -911,7 +926,7 @@ def changes(
     new: Archive | Logs | None = None,
     *,
     since: Times | None = None,
-    false_alarms: float = 0.2,
+    false_alarms: float = 0.1,
     threshold: float | None = None,
     kinds: Sequence[str] = (
         "closed",
@@ -934,7 +949,7 @@ def changes(
     since : time, optional
         Instead: the time from which on ``old`` is compared with the time before, as for
         :meth:`Archive.position`.
-    false_alarms : float, default 0.2
+    false_alarms : float, default 0.1
         False alarms of closures a day that the threshold of evidence is chosen for, by watching a
         part of the time before with what was learnt from another.
     threshold : float, optional
@@ -973,7 +988,13 @@ def changes(
     )
 
 
-def unusual(log: Logs, archive: Archive | str | os.PathLike[str]) -> Unusual:
+def unusual(
+    log: Logs,
+    archive: Archive | str | os.PathLike[str],
+    *,
+    timezone: str | None = None,
+    coded: bool = False,
+) -> Unusual:
     """Score how unusual the trips of a log are, given an archive of earlier trips there.
 
     Scores are bits: each doubles the surprise. They add up what the strangest part of the trip's
@@ -987,6 +1008,12 @@ def unusual(log: Logs, archive: Archive | str | os.PathLike[str]) -> Unusual:
         Tracks with times. Agents are known by their names: those of tracks of the archive.
     archive : Archive or path
         What is usual.
+    timezone : str, optional
+        Time zone of hours, such as ``Europe/Berlin``; by default that of the place, where the
+        package timezonefinder is there to tell it, else UTC.
+    coded : bool, default False
+        Tell also what the archive's own coder takes to write the path of each trip and part, as
+        ``coded_bits``. This compresses the log on the map of the archive.
 
     Returns
     -------
@@ -1012,7 +1039,7 @@ def unusual(log: Logs, archive: Archive | str | os.PathLike[str]) -> Unusual:
     tracks = _read_if_paths(log)
     tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
     opened = archive if isinstance(archive, Archive) else open_archive(archive)
-    return unusual_in_archive(tracks, opened)
+    return unusual_in_archive(tracks, opened, timezone=timezone, coded=coded)
 
 
 def _archive_of(source: Archive | Logs) -> Archive:
@@ -1487,8 +1514,9 @@ def _open_log(
         yield log
 
 
-def _exact_sections(tracks: Logs) -> tuple[Section, ...]:
-    """The section of files that are kept byte by byte."""
+@contextmanager
+def _log_keeper(tracks: Logs) -> Iterator[LogKeeper]:
+    """What makes the section of files that are kept byte by byte."""
     from gpszip.io.logs.formats import is_bundle
     from gpszip.io.storage.source import spooled
     from gpszip.pipeline.exact_logs import exact_section
@@ -1501,7 +1529,7 @@ def _exact_sections(tracks: Logs) -> tuple[Section, ...]:
             "lossless keeps files, and was given tracks or streams", remedy="name the files"
         )
     with spooled(names, unzip=is_bundle) as sources:
-        return (exact_section(sources),)
+        yield partial(exact_section, sources)
 
 
 def _warn_of_losses(result: ReadResult) -> None:

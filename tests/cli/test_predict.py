@@ -116,6 +116,22 @@ def test_unusual_parts_have_places_and_lines(gpszip, tmp_path):
         assert 13.3 < feature["geometry"]["coordinates"][0][0] < 13.5
 
 
+def test_bits_of_the_archives_coder_are_told(gpszip, tmp_path):
+    facts = gpszip("unusual later.csv --map known.gpsz -o u.csv --coded --json").json
+    rows = rows_of(tmp_path / "u.csv")
+    assert list(rows[0])[-1] == "coded_bits"
+    told = sorted(trip["coded_bits"] for trip in facts["trips"])
+    assert sorted(float(row["coded_bits"]) for row in rows) == pytest.approx(told, abs=1e-3)
+
+    # A minute off the map takes more than one of usual travel, and parts take less than trips.
+    trips = {trip["track_id"]: trip for trip in facts["trips"]}
+    odd, normal = trips["shuttle-1"], trips["shuttle-0"]
+    off = next(part for part in odd["parts"] if part["kind"] == "off the map")
+    assert off["coded_bits"] <= odd["coded_bits"]
+    rates = [each["coded_bits"] / (each["t_end"] - each["t_start"]) for each in (off, normal)]
+    assert rates[0] > 2 * rates[1] > 0
+
+
 def test_alarms_are_counted(gpszip):
     facts = gpszip("unusual later.csv --map known.gpsz --json --alarm 1").json
     above = [trip for trip in facts["trips"] if trip["score"] >= 1]

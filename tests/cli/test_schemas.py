@@ -76,6 +76,8 @@ COMMANDS = [
     "replay place.csv --as nmea --to udp://127.0.0.1:9",
     "usage walk.gpsz --by none",
     "rounds patrol.csv -o out.csv",
+    "report patrol.csv -o out.html",
+    "report two.gpsz -o out.html",
     "changes walk.gpsz walk.csv",
     "route walk.gpsz 1,1 20,1 -o out.geojson",
     "usage walk.csv --likelihood walk.csv --by hour -o out.csv",
@@ -105,6 +107,12 @@ def test_a_dry_run_has_a_schema_of_its_own(gpszip, files):
         run = gpszip(f"compress rough.csv -o out.gpsz --effort 1 {options} --dry-run --json")
         assert run.code == 0, run.err
         check(run.json, "compress --dry-run")
+
+
+def test_streams_have_a_schema_of_their_own(gpszip, files):
+    run = gpszip("compress rough.csv --stream -o out.gpsz --rmse 1 --effort 1 --json")
+    assert run.code == 3, run.err
+    check(run.json, "compress --stream")
 
 
 def test_bytes_have_schemas_of_their_own(gpszip, lossless_archive):

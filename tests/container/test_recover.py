@@ -67,6 +67,18 @@ def test_kept_columns_are_lost_with_any_track(kind, said):
     assert any(sentence.startswith(said) for sentence in saved.lost)
 
 
+@pytest.mark.parametrize("lost", ["walks", "names"])
+def test_logs_that_walks_predict_are_lost_with_any_walk_or_name(lost):
+    extras = tuple(Section(SectionKind.GUIDED_LOGS, body) for body in (b"\1logs", b"\0alone"))
+    data = bytearray(to_bytes(replace(ORIGINAL, extras=extras)))
+    assert recover_bytes(bytes(data)).contents.extras == extras
+    report = next(report for report in verify_bytes(data).sections if report.kind == lost)
+    data[report.offset + report.size - 1] ^= 0xFF
+    saved = recover_bytes(bytes(data))
+    assert saved.contents.extras == extras[1:]
+    assert any(sentence.startswith("logs kept byte by byte") for sentence in saved.lost)
+
+
 @pytest.mark.parametrize("kind", [SectionKind.ATTRIBUTES, SectionKind.CURVES])
 def test_kept_columns_are_saved_with_all_tracks(kind):
     extras = (Section(kind, b"columns"),)

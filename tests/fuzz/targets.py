@@ -20,6 +20,7 @@ import numpy as np
 from fuzz import mutations
 from fuzz.mutations import Mutation
 from gpszip.errors import GPSZipError
+from gpszip.lossless.trails import Trails
 
 __all__ = ["TARGETS", "Target", "run"]
 
@@ -792,7 +793,18 @@ def _archives() -> Sequence[bytes]:
 def _exact_logs(data: bytes) -> None:
     from gpszip.lossless.logs import read_exact_logs
 
-    read_exact_logs(data).check()
+    read_exact_logs(data, _exact_trails()).check()
+
+
+@cache
+def _exact_trails() -> Trails:
+    """Walks that predict one of these logs."""
+    from gpszip.archive.exact import find_trails
+    from gpszip.model import Options, Track
+    from gpszip.pipeline.compress import compress
+
+    walks = [Track(name, range(80), [[7.0 * i, 2.0 * i] for i in range(80)]) for name in ("1", "2")]
+    return find_trails(compress(walks, Options(rmse=1, effort=1))[0])
 
 
 @cache
@@ -801,13 +813,17 @@ def _exact_bodies() -> list[bytes]:
     from gpszip.lossless.logs import write_exact_logs
 
     rows = [f"{i},{i * i % 97}.50,2024-05-{i % 30 + 1:02}T07:08:09Z,a{i:03}\n" for i in range(80)]
-    logs = [{"a.csv": "".join(rows)}, {"b": "x\n" * 9, "c": "", "d": "7,-0.0\n7,1e-05\n"}]
+    walks = [f"{name},{i},{7 * i}.25,{2 * i}\n" for name in (1, 2) for i in range(80)]
+    logs = [
+        {"a.csv": "".join(rows)},
+        {"b": "x\n" * 9, "c": "", "d": "7,-0.0\n7,1e-05\n"},
+        {"walks.csv": "".join(walks)},
+    ]
     bodies = []
     for texts in logs:
         sink = io.BytesIO()
-        write_exact_logs(
-            [(name, lambda text=text: [text.encode()]) for name, text in texts.items()], sink
-        )
+        pairs = [(name, lambda text=text: [text.encode()]) for name, text in texts.items()]
+        write_exact_logs(pairs, sink, _exact_trails())
         bodies.append(sink.getvalue())
     return bodies
 

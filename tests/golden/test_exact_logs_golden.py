@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from gpszip.archive import open_archive
+from gpszip.archive.exact import find_exact_logs
 from gpszip.container.layout import Cursor
 from gpszip.lossless.columns import decode_column, encode_column
 from gpszip.lossless.logs import read_exact_logs
@@ -116,3 +118,50 @@ def test_golden_columns_are_of_both_orders():
 def test_golden_logs_are_read():
     found = read_exact_logs(bytes.fromhex(GOLDEN_BODY))
     assert {log.name: b"".join(found.read(i)) for i, log in enumerate(found.logs)} == LOGS
+
+
+def guided_text():
+    """A log of two buses on one line, with a stop, a gap, and minus zeros."""
+    rows = ["id,time,lat,lon,note\r\n"]
+    for bus in range(2):
+        elapsed = 10 + pseudorandom(60, 3, 5 + bus)
+        elapsed[40] += 3600
+        times = 10_000 * bus + np.cumsum(elapsed)
+        way = np.cumsum((pseudorandom(60, 40, 7) + 100) * (np.arange(60) % 30 < 25))
+        jitter = pseudorandom(120, 50, 9 + bus)
+        for i in range(60):
+            hours, rest = divmod(int(times[i]), 3600)
+            time = f"2024-02-29T{hours:02}:{rest // 60:02}:{rest % 60:02}Z"
+            lat = 47_000_000 + int(6 * way[i] + jitter[i])
+            lon = 8_000_000 + int(3 * way[i] + jitter[60 + i])
+            note = "-0.0" if i % 20 == 7 else "0.0"
+            rows.append(
+                f"bus{bus + 7},{time},{lat // 10**6}.{lat % 10**6:06},"
+                f"{lon // 10**6}.{lon % 10**6:06},{note}\r\n"
+            )
+    return "".join(rows).encode()
+
+
+#: An archive of this log, at an RMSE of 20 m.
+GOLDEN_GUIDED = (
+    "a75a3b011115015e122103a08e96a4fedd0cad0ba32102070b16aedb4e51d20802c81c031f0002003b1a82ec"
+    "7531a134344b0f2fc18b79c7474d0e891d7b1cf42b007bb00de7030101076275732e6373768c2fe798dd168c"
+    "2fd3030379022c2913cb4cd129c9cc4dd5c9492cd1c9c9cfd3c9cb2f49e5e512492a2dfecfa0f39f314a0744"
+    "81102f17000100000000030801290000000000060006200106010e0000000308050007b6bf61020201020000"
+    "000318013a007800003bff00000106020600010100000296a4fedd0c16000001b8012e3b19c0ca6411af31d2"
+    "e4da95f7a50da166e1328715aef5f99d21517f9fe2fcd90c67f559ba0f048fc0f31cfeb39f010100000492b4"
+    "e92c800b000007a85889014cd432fda195bd5078beed2bd27e002ab3644471bcc2b0a1ab9801bfc468082258"
+    "464c5c5188b07a372e2411bc72d094b11a12be69624c8265b47e10b2e2f499176a1ca1258d526f3e7d9d95d9"
+    "6a0f277a3c7bb9264a8d1cd0c1bb1c9d2cc0738eed5c82776b70db74ae7ce5dff4b4171c921c0a2f6eceef06"
+    "3ec3cfb241cbcd32db3adafef30d1d880101000002f6ced007c005000006a82c7b350e6f7e84a4eaaf41fd3d"
+    "0e0105f100e5edc1c5e0f2357e52f0ee3eb52d0de3cbb78e4a860189589472946faeb3c524c8363e98824977"
+    "9ff6908dddda319bc41de9160dcf47b61a021fdac1ec7bd3c2338d0688457cc796b0a02c16c09c4d7c5d9a8b"
+    "8f8250873e176b3d3e7a50b2a0cc13fafcb7377053b112c2010100000000bcbfd9fc"
+)
+
+
+def test_a_golden_log_that_walks_predict_is_read():
+    archive = open_archive(bytes.fromhex(GOLDEN_GUIDED))
+    logs = find_exact_logs(archive)
+    assert logs.is_guided
+    assert b"".join(logs.read(0)) == guided_text()

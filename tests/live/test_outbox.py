@@ -111,6 +111,14 @@ def test_a_file_has_each_event_once(tmp_path):
     assert lines == [event(number).id for number in (1, 2, 3)]
 
 
+def test_a_file_of_another_kind_is_left_as_it_is(tmp_path):
+    path = tmp_path / "walk.csv"
+    path.write_text("t,lat,lon\n1,2")
+    with pytest.raises(OutputError, match="holds something else than events"):
+        FileSink(path)
+    assert path.read_text() == "t,lat,lon\n1,2"
+
+
 @contextmanager
 def webhook(answers):
     """A server that gives these answers, one by one; yields its address and what came."""

@@ -72,7 +72,7 @@ def test_the_plain_decoder_reads_what_the_kernel_writes(order, noise):
     sides = [coded(x), coded(y[::-1])]
     known = [coded(times), *sides]
     setting = _choose(y, order)
-    payload, sizes = _encode_with(setting, y.copy(), known[0], sides)
+    payload, sizes = _encode_with(setting, y.copy(), known[0], sides, None)
     plain = ColumnDecoder(
         payload,
         setting,
@@ -90,7 +90,7 @@ def test_a_column_alone_agrees_with_the_plain_decoder():
     times = drive()[0]
     for order in (NEAR, EXACT):
         setting = _choose(times, order)
-        payload, _ = _encode_with(setting, times.copy(), None, [])
+        payload, _ = _encode_with(setting, times.copy(), None, [], None)
         values, _ = ColumnDecoder(payload, setting, [], [], [], []).decode(1, len(times))
         assert values == (times - times[0] + 1).tolist()
 

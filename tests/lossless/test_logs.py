@@ -12,6 +12,7 @@ from gpszip.errors import CorruptArchiveError
 from gpszip.lossless import logs as logs_module
 from gpszip.lossless.logs import read_exact_logs, write_exact_logs
 from gpszip.lossless.text import MAX_BLOCK_BYTES
+from gpszip.lossless.trails import NO_TRAILS
 from oracle import exact_logs
 
 
@@ -31,7 +32,7 @@ def text(rows, seed=1):
 @settings(deadline=None)
 def test_any_logs_come_back(logs):
     logs = {f"log {i}": chunks for i, chunks in enumerate(logs)}
-    found = read_exact_logs(body_of(logs))
+    found = read_exact_logs(body_of(logs), NO_TRAILS)
     assert [log.name for log in found.logs] == list(logs)
     for number, chunks in enumerate(logs.values()):
         assert b"".join(found.read(number)) == b"".join(chunks)
@@ -54,7 +55,7 @@ def large_body(large, small_blocks):
 
 
 def test_logs_over_several_blocks_come_back(large, large_body):
-    found = read_exact_logs(large_body)
+    found = read_exact_logs(large_body, NO_TRAILS)
     assert len(found.blocks) == 2
     for number, (data,) in enumerate(large.values()):
         assert b"".join(found.read(number)) == data
@@ -69,7 +70,7 @@ def test_chunks_do_not_change_the_body(large, large_body):
 
 
 def test_a_part_of_a_log_needs_only_its_blocks(large, large_body):
-    found = read_exact_logs(large_body)
+    found = read_exact_logs(large_body, NO_TRAILS)
     (data,) = large["b"]
     decoded = []
     decode = type(found)._decode
@@ -79,7 +80,7 @@ def test_a_part_of_a_log_needs_only_its_blocks(large, large_body):
             decoded.append(block)
             return decode(self, block)
 
-    counting = Counting(found.logs, found.body, found.blocks)
+    counting = Counting(found.logs, found.body, found.blocks, NO_TRAILS)
     assert b"".join(counting.read(1, 40_000, 500)) == data[40_000:40_500]
     assert len(decoded) == 1
     assert b"".join(counting.read(1, len(data) - 3, 500)) == data[-3:]
@@ -88,7 +89,7 @@ def test_a_part_of_a_log_needs_only_its_blocks(large, large_body):
 
 def test_text_without_lines_is_cut_anywhere():
     data = b"7," * (MAX_BLOCK_BYTES // 2 + 100)
-    found = read_exact_logs(body_of({"a": [data]}))
+    found = read_exact_logs(body_of({"a": [data]}), NO_TRAILS)
     assert [block.size for block in found.blocks] == [MAX_BLOCK_BYTES, 200]
     assert b"".join(found.read(0)) == data
 
@@ -101,8 +102,8 @@ def test_small_logs_share_a_block():
 
 def test_another_checksum_is_refused():
     body = bytearray(body_of({"a": [b"0,1\n0,2\n"]}))
-    body[4] ^= 1
-    found = read_exact_logs(bytes(body))
+    body[5] ^= 1
+    found = read_exact_logs(bytes(body), NO_TRAILS)
     with pytest.raises(CorruptArchiveError, match="'a' differs from its checksum"):
         list(found.read(0))
 
@@ -124,6 +125,13 @@ def test_another_checksum_is_refused():
 def test_a_forged_section_is_refused(body, message):
     with pytest.raises(CorruptArchiveError, match=re.escape(message)):
         read_exact_logs(body)
+    with pytest.raises(CorruptArchiveError, match=re.escape(message)):
+        read_exact_logs(b"\0" + body, NO_TRAILS)
+
+
+def test_an_unknown_kind_of_logs_is_refused():
+    with pytest.raises(CorruptArchiveError, match="logs of kind 2"):
+        read_exact_logs(b"\2\0", NO_TRAILS)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -149,7 +157,7 @@ def test_the_plain_reader_reads_what_is_written(seed):
     for last in ("a.csv", "e", "f"):
         chosen = {name: data for name, data in logs.items() if name <= last}
         body = body_of({name: [data] for name, data in chosen.items()})
-        assert exact_logs.read_logs(body) == chosen
+        assert exact_logs.read_logs(body, NO_TRAILS) == chosen
 
 
 def test_the_plain_reader_reads_many_shapes():
@@ -157,4 +165,4 @@ def test_the_plain_reader_reads_many_shapes():
         f"car_{'x' * (i % 90)},{i},{i * i % 50}.5,{'y' if i % 3 else 'z'}\n" for i in range(200)
     ]
     data = "".join(rows).encode()
-    assert exact_logs.read_logs(body_of({"a": [data]})) == {"a": data}
+    assert exact_logs.read_logs(body_of({"a": [data]}), NO_TRAILS) == {"a": data}

@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 
 from gpszip.container.layout import Cursor
 from gpszip.errors import CorruptArchiveError
+from gpszip.lossless.guide_search import GuideFinder
 from gpszip.lossless.notation import decode_notation, encode_notation, find_notation
 from gpszip.lossless.text import MAX_BLOCK_BYTES, _split, decode_block, encode_block
+from gpszip.lossless.trails import NO_TRAILS
 from oracle.tokens import split_plainly
 from random_tests import examples
 
@@ -32,8 +34,8 @@ TEXTS = st.lists(PIECES, max_size=80).map("".join)
 
 
 def round_trip(text: bytes) -> bytes:
-    data = encode_block(text)
-    assert decode_block(Cursor(data), len(text)) == text
+    data = encode_block(text, GuideFinder(NO_TRAILS))
+    assert decode_block(Cursor(data), len(text), NO_TRAILS) == text
     return data
 
 
@@ -124,6 +126,22 @@ def test_bytes_that_are_no_text_are_stored():
     assert len(round_trip(b"\xff" * 5000)) < 100
 
 
+def test_minus_zeros_stay_in_their_table():
+    lines = ["-0.00,7\n" if i % 3 == 1 else f"{i % 5}.25,7\n" for i in range(3000)]
+    assert len(round_trip("".join(lines).encode())) < 300
+
+
+def test_forged_minus_zeros_are_refused():
+    values = np.array([0, 0, 5, 0])
+    notation, _ = find_notation(values, np.zeros(4, np.uint8), np.array([1, 129, 1, 129], np.uint8))
+    data = encode_notation(notation)
+    back = decode_notation(Cursor(data), 4)
+    assert back.minus_zeros.tolist() == [1, 3]
+    for rows, message in ((1, "2 minus zeros of 1"), (3, "a minus zero past the last of 3")):
+        with pytest.raises(CorruptArchiveError, match=message):
+            decode_notation(Cursor(data), rows)
+
+
 @pytest.mark.parametrize("text", [b"", b"\n", b"7", b"7\n7", b"x", b"-", b".", b"-7", b"12:34:5"])
 def test_the_smallest_texts_come_back(text):
     round_trip(text)
@@ -171,10 +189,10 @@ def test_a_forged_block_is_refused(data, size, message):
 @examples(200)
 def test_a_changed_block_is_other_text_or_an_error(data):
     text = b"".join(b"%d,%.2f,a%02d\n" % (i * 3, i / 7, i) for i in range(40))
-    block = bytearray(encode_block(text))
+    block = bytearray(encode_block(text, GuideFinder(NO_TRAILS)))
     for _ in range(data.draw(st.integers(1, 3))):
         block[data.draw(st.integers(0, len(block) - 1))] = data.draw(st.integers(0, 255))
     try:
-        assert len(decode_block(Cursor(bytes(block)), len(text))) == len(text)
+        assert len(decode_block(Cursor(bytes(block)), len(text), NO_TRAILS)) == len(text)
     except CorruptArchiveError:
         return

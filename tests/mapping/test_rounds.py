@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,10 @@ from gpszip.mapping.plan import Plan, is_dense
 from gpszip.mapping.rounds import Outcome, estimate_prices, fit, start_from
 from gpszip.mapping.time_grid import build_time_grid
 from gpszip.model import QuantisationGrid, Track, Walk
-from gpszip.model.grid import step_size
+from gpszip.model.grid import step_index, step_size
 from gpszip.run import Serial, Threads
 from gpszip.testing import patrol
+from gpszip.testing.city import drives
 from gpszip.walks.error import synchronised_errors
 
 GRID = QuantisationGrid((-1000, -1000), 0, 111, 136)
@@ -100,6 +103,30 @@ def test_extra_rounds_use_up_the_error_allowed(track):
     )
     assert long.size <= short.size
     assert long.error <= 0.9
+
+
+@pytest.fixture(scope="module")
+def sparse_log():
+    """Slots of vehicles in a town with a sample every 30 s, and their number."""
+    tracks = [Track(name, *drive) for name, drive in drives(vehicles=6, period=30.0).items()]
+    no_gaps = [np.zeros(len(track) - 1, bool) for track in tracks]
+    grid = QuantisationGrid((0, 0), 0, step_index(20.0), step_index(4.0))
+    return build_time_grid(tracks, no_gaps, grid, sparse=True), len(tracks)
+
+
+def test_many_knots_end_the_rounds_once_they_use_up_the_error(sparse_log):
+    # Smaller walks of a later round are not found.
+    plan = Plan(target=1.0, rounds=16, used_up=0.95)
+    early, late = (fit(*sparse_log, replace(plan, many_knots=least)) for least in (1, 100_000))
+    assert early.error > 0.95
+    assert early.size > late.size
+    assert encode(late.walks) == encode(fit(*sparse_log, plan).walks)
+
+
+def test_a_grid_whose_chains_are_far_off_is_given_up(track):
+    plan = Plan(target=0.1, rounds=2, tolerance=10.0)
+    assert fit(build_slots(track), 1, plan) is not None
+    assert fit(build_slots(track), 1, replace(plan, give_up_ratio=1.2)) is None
 
 
 def test_rounds_begin_with_the_walks_of_an_outcome_on_another_grid(track):

@@ -293,3 +293,13 @@ def test_slots_near_knots_keep_knots_and_sums(log, reach, seed):
     np.testing.assert_array_equal(selected.sums[selected.last_slots], full.sums[full.last_slots])
     slot_nodes = np.where(np.isin(np.arange(len(full.time_steps)), knots), 7, -1)
     np.testing.assert_array_equal(transfer_knots(slot_nodes[near], selected, full), slot_nodes)
+
+
+def test_a_sample_rounded_to_microseconds_lies_on_its_time_step():
+    """With steps of 0.42 s, rounding to microseconds shifts a time by more than 1e-6 steps."""
+    grid = QuantisationGrid((0, 0), 0, 113, 118)
+    times = np.arange(152_439, 152_439 + 400) * step_size(grid.time)
+    for time in times:
+        track = Track("a", [time, time + 2.0], np.zeros((2, 2)))
+        first = build_time_grid([track], [np.zeros(1, bool)], grid).time_steps[0]
+        assert first == round(time / step_size(grid.time))

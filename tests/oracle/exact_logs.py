@@ -5,6 +5,7 @@ import zlib
 from datetime import datetime, timedelta
 from types import SimpleNamespace
 
+from oracle.guides import read_guide
 from oracle.lossless import ColumnDecoder
 
 FILTERS = [{"id": lzma.FILTER_LZMA2, "dict_size": 1 << 22}]
@@ -37,9 +38,11 @@ class Bytes:
         return v // 2 if v % 2 == 0 else -(v + 1) // 2
 
 
-def read_logs(body):
-    """Bytes of each log by its name."""
+def read_logs(body, trails=None):
+    """Bytes of each log by its name; with trails, of a section of kind 13."""
     source = Bytes(body)
+    if trails is not None:
+        assert source.u8() in (0, 1)
     heads = []
     for _ in range(source.varint()):
         name = source.take(source.varint()).decode()
@@ -47,7 +50,7 @@ def read_logs(body):
     text = b""
     while len(text) < sum(size for _, size, _ in heads):
         size = source.varint()
-        block = read_block(source.take(source.varint()))
+        block = read_block(source.take(source.varint()), trails)
         assert len(block) == size
         text += block
     assert source.at == len(body)
@@ -58,7 +61,7 @@ def read_logs(body):
     return logs
 
 
-def read_block(block):
+def read_block(block, trails=None):
     if block[0] == 0:
         return block[1:]
     if block[0] == 1:
@@ -78,13 +81,13 @@ def read_block(block):
         rows = [row for row, shape in enumerate(records) if keys[shape] == key]
         fields = len(kinds[keys.index(key)])
         if rows and fields:
-            columns = read_table(source, len(rows), fields)
+            columns = read_table(source, len(rows), fields, trails if block[0] == 3 else None)
             for i, row in enumerate(rows):
                 tokens[row] = [column[i] for column in columns]
     return b"".join(write(shapes[s], row) for s, row in zip(records, tokens, strict=True))
 
 
-def read_column(source, count, times=None, sides=()):
+def read_column(source, count, times=None, sides=(), guide=None):
     """Integers of a column, with its shift and classes of errors."""
     if count == 0:
         return SimpleNamespace(values=[], shift=0, sizes=[])
@@ -94,7 +97,12 @@ def read_column(source, count, times=None, sides=()):
     usual, unit, shift, first_bin = source.signed(), source.u8(), source.u8(), source.u8()
     scale = source.varint()
     setting = SimpleNamespace(
-        order=method - 1, usual=usual, unit=unit, shift=shift, scale=scale, first_bin=first_bin
+        order=(method - 1) % 2,
+        usual=usual,
+        unit=unit,
+        shift=shift,
+        scale=scale,
+        first_bin=first_bin,
     )
     decoder = ColumnDecoder(
         source.take(source.varint()),
@@ -103,25 +111,36 @@ def read_column(source, count, times=None, sides=()):
         [side.values for side in sides],
         [side.shift for side in sides],
         [side.sizes for side in sides],
+        guide if method > 2 else None,
     )
     values, sizes = decoder.decode(first, count)
     return SimpleNamespace(values=values, shift=shift, sizes=sizes)
 
 
-def read_table(source, rows, fields):
+def read_table(source, rows, fields, trails):
     """Value, decimals and width of each token, by columns."""
     notations = [read_notation(source, rows) for _ in range(fields)]
     times_at = source.varint() - 1
     order = [i for i in range(fields) if i != times_at]
+    table = read_guide(source, fields, trails) if trails is not None else None
     times, others, numbers = None, [], {}
     for i in ([times_at] if times_at >= 0 else []) + order:
-        p, q, offset = source.varint(), source.varint(), source.varint()
+        role, detail = table.roles[i] if table else (0, 0)
+        if role == 255:
+            numbers[i] = table.names(detail)
+            continue
+        p, q, offset = grid = source.varint(), source.varint(), source.varint()
         exceptions, row = {}, -1
         for _ in range(source.varint()):
             row += source.varint() + 1
             exceptions[row] = source.signed()
         sides = [column for column in others[::-1] if len(set(column.values)) > 1][:2]
-        column = read_column(source, rows, times, sides)
+        guide = None
+        if table and i == times_at:
+            guide = table.times_guide(grid)
+        elif role and times:
+            guide = table.positions_guide(role - 1, detail, grid, times.values)
+        column = read_column(source, rows, times, sides, guide)
         numbers[i] = [
             (k * p + q // 2) // q + offset + exceptions.get(row, 0)
             for row, k in enumerate(column.values)
@@ -138,11 +157,15 @@ def read_notation(source, rows):
     places = read_column(source, rows).values if rules & 3 == 3 else None
     width = source.u8() if rules >> 2 & 3 == 1 else 0
     widths = read_column(source, rows).values if rules >> 2 & 3 == 2 else [width] * rows
-    return rules, decimals, places, widths
+    minus, row = set(), -1
+    for skipped in read_column(source, source.varint()).values if rules >> 5 else []:
+        row += skipped + 1
+        minus.add(row)
+    return rules, decimals, places, widths, minus
 
 
 def apply(notation, numbers):
-    rules, most, places, widths = notation
+    rules, most, places, widths, minus = notation
     tokens = []
     for row, (number, width) in enumerate(zip(numbers, widths, strict=True)):
         decimals = most
@@ -152,20 +175,20 @@ def apply(notation, numbers):
             least = 0 if rules & 3 == 1 else min(1, most)
             while decimals > least and number % 10 ** (most - decimals + 1) == 0:
                 decimals -= 1
-        value = number if rules >> 4 else number // 10 ** (most - decimals)
-        tokens.append((value, decimals, width))
+        value = number if rules >> 4 & 1 else number // 10 ** (most - decimals)
+        tokens.append((value, decimals, width, row in minus))
     return tokens
 
 
 def write(shape, tokens):
     parts = shape.split(b"\xff")
     text = [parts[0]]
-    for part, (value, decimals, width) in zip(parts[1:], tokens, strict=True):
+    for part, (value, decimals, width, minus) in zip(parts[1:], tokens, strict=True):
         whole, fraction = divmod(abs(value), 10**decimals)
         if part[0] == 0:
             shown = str(whole).zfill(width)
         else:
             shown = (datetime(1970, 1, 1) + timedelta(seconds=whole)).strftime(DATES[part[0]])
         end = f".{fraction:0{decimals}}" if decimals else ""
-        text.append(f"{'-' if value < 0 else ''}{shown}{end}".encode() + part[1:])
+        text.append(f"{'-' if value < 0 or minus else ''}{shown}{end}".encode() + part[1:])
     return b"".join(text)

@@ -53,15 +53,18 @@ class Mixture:
         self.coder.interval(0 if bit else p, p if bit else 65536 - p, 65536)
         return bit
 
-    def decide(self, row, ratio, slots):
-        weights, uses = self.sets.setdefault(row, ([39322, 16384, 16384, 16384], [0]))
+    def decide(self, row, ratio, slots, guide_ratio=None):
+        """Without a guide there are four inputs, with one its ratio and its cell, too."""
+        weights, uses = self.sets.setdefault(row, ([39322] + [16384] * 5, [0]))
         cells = [self.cells.setdefault((k, slot), Cell()) for k, slot in enumerate(slots)]
         inputs = [ratio] + [logit(cell.p) if cell.count else 0 for cell in cells]
-        dot = clip(sum(w * x for w, x in zip(weights, inputs, strict=True)) >> 16, 3072)
+        if guide_ratio is not None:
+            inputs.insert(4, guide_ratio)
+        dot = clip(sum(w * x for w, x in zip(weights, inputs, strict=False)) >> 16, 3072)
         p = min(max(round(65536 / (1 + math.exp(-dot / 256))), 1), 65535)
         bit = self.bit(p)
         error = (bit * 65536 - p) * round(4 + 2600 / (100 + uses[0]))
-        for k in range(4):
+        for k in range(len(inputs)):
             weights[k] += (inputs[k] * error + 2**19) >> 20
         uses[0] = min(uses[0] + 1, 4095)
         for cell in cells:
@@ -86,13 +89,13 @@ class Mixture:
 
 
 class Predictor:
-    def __init__(self, sides):
+    def __init__(self, sides, guided=False):
         self.steps, self.side_steps = [0] * 8, [[0] * 4 for _ in range(sides)]
-        inputs = 8 + 4 * sides
+        inputs = 8 + 4 * sides + 3 * guided
         self.energies, self.digits, self.weights = [0] * inputs, [3] * inputs, [0] * inputs
-        self.errors, self.level, self.slope = [1024] * 6, 0, 0
+        self.errors, self.level, self.slope = [1024] * 8, 0, 0
 
-    def inputs_of(self, side_steps, shift, side_shifts):
+    def inputs_of(self, side_steps, shift, side_shifts, guide_steps=()):
         def small(value, by):
             return clip(value >> by, 2**26)
 
@@ -105,8 +108,9 @@ class Predictor:
             chosen = [now, now - before[0], now - 2 * before[0] + before[1], before[1] - before[2]]
             self.inputs += [small(value, side_shifts[k]) for value in chosen]
             self.side_steps[k] = [now, *before[:3]]
+        self.inputs += [small(value, shift) for value in guide_steps]
 
-    def predict(self, ratio, shift):
+    def predict(self, ratio, shift, guide_steps=()):
         a, b = self.steps[:2]
         dot = sum(w * x for w, x in zip(self.weights, self.inputs, strict=True))
         self.candidates = [
@@ -116,11 +120,13 @@ class Predictor:
             clip(dot >> 16, 2**56 >> shift) << shift,
             clip(self.level + self.slope, 2**56),
             2 * a - b,
+            *guide_steps[:2],
         ]
-        least = min(self.errors)
-        best = self.candidates[self.errors.index(least)]
+        errors = self.errors[: len(self.candidates)]
+        least = min(errors)
+        best = self.candidates[errors.index(least)]
         total = weights = 0
-        for candidate, error in zip(self.candidates, self.errors, strict=True):
+        for candidate, error in zip(self.candidates, errors, strict=True):
             if error + 4 <= 8 * (least + 4):
                 weight = ((least + 4 << 10) // (error + 4)) ** 2 >> 10
                 weight = weight**2 >> 10
@@ -149,27 +155,68 @@ class Predictor:
         self.side_steps = [[0] * 4 for _ in self.side_steps]
 
 
+class RowsGuide:
+    """What a guide says of each row: a number in sixteenths and its class."""
+
+    def __init__(self, numbers, classes):
+        self.numbers, self.classes = numbers, classes
+
+    def at(self, i, last):
+        now = self.numbers[i]
+        later = self.numbers[i + 1] - now if i + 1 < len(self.numbers) else 0
+        return self.classes[i], now, now - self.numbers[i - 1], later
+
+
+class KnotsGuide:
+    """Runs of rows, each with the times in sixteenths and classes of the knots of its walk."""
+
+    def __init__(self, runs, slack):
+        self.runs, self.slack, self.run, self.passed = runs, slack, None, 0
+
+    def at(self, i, last):
+        first, knots = max(
+            ((first, knots) for first, knots in self.runs if first <= i), key=lambda run: run[0]
+        )
+        if first != self.run:
+            self.run, self.passed = first, 0
+        if first < i:
+            while self.passed < len(knots) and knots[self.passed][0] <= last + self.slack:
+                self.passed += 1
+        knots = knots[self.passed :]
+        if not knots:
+            return 0, 0, 0, 0
+        now, kind = knots[0]
+        later = knots[1][0] - now if len(knots) > 1 else 0
+        return kind, now, now - last, later
+
+
 class ColumnDecoder:
-    def __init__(self, payload, setting, times, sides, side_shifts, side_sizes):
+    def __init__(self, payload, setting, times, sides, side_shifts, side_sizes, guide=None):
         self.mixture = Mixture(Decoder(payload))
         self.setting, self.times = setting, times
         self.sides, self.side_shifts, self.side_sizes = sides, side_shifts, side_sizes
         self.scales, self.last_sizes, self.elapsed = [setting.scale] * 2, [0, 0], 0
+        self.guide, self.guide_errors = guide, [setting.scale * 16] * 8
+        self.guide_uses, self.guide_class = [0] * 8, 0
 
     def decode(self, first, count):
         """Values and classes of errors."""
         values, sizes, setting = [first], [0], self.setting
-        predictor = Predictor(len(self.sides))
+        predictor = Predictor(len(self.sides), self.guide is not None)
         for i in range(1, count):
             ratio = self.ratio(i)
             side_steps = [side[i] - side[i - 1] for side in self.sides]
-            predictor.inputs_of(side_steps, setting.shift, self.side_shifts)
-            self.center = clip(predictor.predict(ratio, setting.shift), 2**57)
+            guide_steps = self.look_up(i, 16 * values[-1])
+            predictor.inputs_of(side_steps, setting.shift, self.side_shifts, guide_steps)
+            candidates = guide_steps if self.guide_class else []
+            self.center = clip(predictor.predict(ratio, setting.shift, candidates), 2**57)
             self.scale = max((self.scales[0] + 2 * self.scales[1]) // 3, 3)
             self.bases = self.contexts(i, predictor, side_steps, ratio)
             step, is_outlier = self.step()
             values.append(values[-1] + step)
 
+            if self.guide_class:
+                self.learn_guide(step * 16)
             error = step * 16 - self.center
             size = min(half_octaves(min(abs(error), 2**57) * 4 // self.scale + 1), 9)
             sizes.append(size)
@@ -184,6 +231,24 @@ class ColumnDecoder:
             if len(self.times):
                 self.elapsed = max(self.times[i] - self.times[i - 1], 1)
         return values, sizes
+
+    def look_up(self, i, last):
+        """Steps to what the guide says."""
+        if self.guide is None:
+            return []
+        self.guide_class, number, own, later = self.guide.at(i, last)
+        if not self.guide_class:
+            return [0, 0, 0]
+        self.guide_center = clip(number - last, 2**60)
+        self.guide_scale = max(self.guide_errors[self.guide_class] >> 4, 3)
+        is_knot = isinstance(self.guide, KnotsGuide)
+        return [self.guide_center, self.guide_center if is_knot else own, later]
+
+    def learn_guide(self, step):
+        k = self.guide_class
+        error = min(abs(step - self.guide_center), 20 * self.guide_scale, 2**46)
+        self.guide_uses[k] = min(self.guide_uses[k] + 1, 32)
+        self.guide_errors[k] += (16 * error - self.guide_errors[k]) // self.guide_uses[k]
 
     def ratio(self, i):
         if not len(self.times) or self.elapsed <= 0 or self.times[i] <= self.times[i - 1]:
@@ -242,17 +307,33 @@ class ColumnDecoder:
         sharpness = 2 if scale < 4 else 1 if scale < 16 else 0
         digits = max(scale.bit_length() - 16, 0)
         inverse = (1420 << 18) // (scale >> digits)
-        below, above = 0, 65536
+        below, above = guide_below, guide_above = 0, 65536
+        if self.guide_class:
+            guide_digits = max(self.guide_scale.bit_length() - 16, 0)
+            guide_inverse = (1420 << 18) // (self.guide_scale >> guide_digits)
 
         def decide(threshold, node):
-            nonlocal low, high, below, above
+            nonlocal low, high, below, above, guide_below, guide_above
             if not low < threshold < high:
                 return int(threshold <= low)
             distance = clip((threshold * 16 - 8 - self.center) >> digits, 2**24)
             middle = mass_below(distance, inverse)
             ratio = log_ratio(above - middle, middle - below)
             slots = self.slots(node, low, high)
-            bit = self.mixture.decide(sharpness * 33 + node, ratio, slots)
+            row, guide_ratio = sharpness * 33 + node, None
+            if self.guide_class:
+                distance = clip((threshold * 16 - 8 - self.guide_center) >> guide_digits, 2**24)
+                guide_middle = mass_below(distance, guide_inverse)
+                guide_ratio = log_ratio(guide_above - guide_middle, guide_middle - guide_below)
+                place = clip((distance * guide_inverse >> 18) * 3 >> 11, 15) + 15
+                slots.append(((place * 8 + self.guide_class) * 64 + node) % 2**14)
+                row += 99 * self.guide_class
+            bit = self.mixture.decide(row, ratio, slots, guide_ratio)
+            if self.guide_class:
+                if bit:
+                    guide_below = guide_middle
+                else:
+                    guide_above = guide_middle
             below, above = (middle, above) if bit else (below, middle)
             low, high = (threshold, high) if bit else (low, threshold)
             return bit

@@ -46,7 +46,7 @@ def token_at(text, i):
         kept = fraction[1][: 17 - digits]
         value, decimals, end = int(b"%d%s" % (value, kept)), len(kept), end + 1 + len(kept)
     if negative and value == 0:
-        return None
+        width += 128
     return (-value if negative else value), decimals, width, end
 
 

@@ -195,3 +195,27 @@ def test_a_log_that_begins_within_the_last_time_step_is_appended():
         )
         assert archive.walk("0").times[0] <= first.times[0]
         assert rmse(archive, halves[1]) <= RMSE
+
+
+@pytest.mark.parametrize(("count", "every"), [(1, 1), (1, 4), (3, 16), (10, 1)])
+def test_a_few_samples_continue_a_walk_whose_last_knot_lies_after_them(count, every):
+    """The last knot lies up to a time step after the last sample, the new ones before it."""
+    track = patrol(1200 * every, seed=8)
+    track = Track("robot", track.times[::every], track.positions[::every])
+    archive, _ = compress([slice_track(track, 0, 900)], Options(rmse=RMSE, effort=1))
+    later = slice_track(track, 900, 900 + count)
+    longer, report = append(archive, later, Options(effort=1))
+    assert report.rmse <= RMSE
+    assert rmse(longer, later) <= RMSE
+    assert longer.walk("robot").time_ranges[-1, 1] >= later.times[-1] - 1e-3
+    assert not longer.walk("robot").gaps.any()
+
+
+def test_batches_of_a_patrol_are_appended_one_after_the_other(day):
+    """Where the last knot lies on a time step, its rounded time may be just before it."""
+    archive, _ = compress([slice_track(day, 0, 300)], Options(rmse=RMSE, effort=1))
+    for first in range(300, 900, 75):
+        archive, _ = append(archive, slice_track(day, first, first + 75), Options(effort=1))
+    assert archive.ids == ("robot",)
+    assert not archive.walk("robot").gaps.any()
+    assert rmse(archive, slice_track(day, 0, 900)) <= RMSE

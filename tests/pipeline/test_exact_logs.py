@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gpszip
+from gpszip.archive.exact import find_exact_logs
 from gpszip.errors import CorruptArchiveError, InputError, OptionError
 from gpszip.io.storage.source import Source
 from gpszip.pipeline import exact_logs
@@ -68,6 +69,36 @@ def test_an_appended_archive_still_holds_the_first_log(archive):
     times = np.arange(1000.0, 1009)
     grown = gpszip.append(archive, gpszip.Track("b", times, np.zeros((9, 2))))
     assert grown.exact_log("walk.csv") == TEXT.encode()
+    # Its walks may have changed, so that they no longer predict it.
+    assert find_exact_logs(archive).is_guided
+    assert not find_exact_logs(grown).is_guided
+    again = gpszip.append(grown, gpszip.Track("c", times, np.zeros((9, 2))))
+    assert again.contents.extras == grown.contents.extras
+    assert again.exact_log("walk.csv") == TEXT.encode()
+
+
+def test_walks_of_another_archive_predict_nothing(archive, path):
+    on_map = gpszip.compress(path, rmse=2, effort=1, map=archive, lossless=True)
+    assert not find_exact_logs(on_map).is_guided
+    assert on_map.exact_log("walk.csv") == TEXT.encode()
+
+
+def test_a_size_counts_the_log(path):
+    rows = TEXT[: TEXT.index("\n60,") + 1]
+    path.write_text(rows)
+    archive = gpszip.compress(path, size=700, effort=1, lossless=True)
+    assert archive.size <= 700
+    assert not find_exact_logs(archive).is_guided
+    assert archive.exact_log("walk.csv") == rows.encode()
+
+
+def test_a_bound_that_is_estimated_is_twice_as_large(path):
+    without = gpszip.compress(path, effort=1)
+    with_log = gpszip.compress(path, effort=1, lossless=True)
+    bounds = [archive.info()["error_bound_m"] for archive in (with_log, without)]
+    assert bounds[0] == pytest.approx(2 * bounds[1], rel=0.01)
+    assert with_log.info()["error_bound_max_m"] is None
+    assert any("2 times as much as without" in note for note in with_log.report.notes)
 
 
 @pytest.mark.parametrize(

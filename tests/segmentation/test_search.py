@@ -8,7 +8,7 @@ from gpszip.model import Track
 from gpszip.run import Threads
 from gpszip.segmentation import search
 from gpszip.segmentation.bound import segment_mean_within, shortest_mean_within
-from gpszip.segmentation.em import segment_mean
+from gpszip.segmentation.em import Problem, segment_mean
 from gpszip.segmentation.evaluate import distances, rmse
 from gpszip.segmentation.memo import Memo, memo_key
 from gpszip.segmentation.search import find_elbow, find_parameters
@@ -190,8 +190,27 @@ def test_a_loose_bound_gives_one_interval():
 
 
 def test_an_unreachable_bound_is_an_error():
-    with pytest.raises(BoundError, match="allow more segments or a larger error"):
+    with pytest.raises(BoundError, match=r"an RMSE of .* m; allow more segments \(m\)"):
         segment_mean_within(rounds(1), rmse=0.01, m=2)
+
+
+def test_a_search_for_k_ends_where_more_intervals_help_no_more(monkeypatch):
+    tried = []
+    solve = Problem.solve
+
+    def count(problem, k, m, **options):
+        tried.append(k)
+        return solve(problem, k, m, **options)
+
+    monkeypatch.setattr(Problem, "solve", count)
+    track = rounds(4)
+    with pytest.raises(BoundError) as failed:
+        segment_mean_within(track, rmse=0.01, m=2)
+    monkeypatch.undo()
+    # It names the best one, and went a few times beyond it.
+    best = min(tried, key=lambda k: rmse(segment_mean(track, k, 2), track))
+    assert f"{best} have an RMSE of" in str(failed.value)
+    assert 4 * best <= max(tried) < 5 * best < len(track)
 
 
 @pytest.mark.parametrize(
@@ -221,8 +240,12 @@ def test_with_k_given_the_least_m_meets_the_bound(k):
 
 
 def test_k_too_few_for_the_bound_is_an_error():
-    with pytest.raises(BoundError, match="allow more intervals"):
-        segment_mean_within(rounds(2), rmse=0.1, k=3)
+    track = rounds(2)
+    with pytest.raises(BoundError, match=r"with 3 of their own .* allow (\d+) intervals") as failed:
+        segment_mean_within(track, rmse=0.1, k=3)
+    # As many as it names do.
+    enough = int(str(failed.value).split("allow ")[1].split()[0])
+    assert segment_mean_within(track, rmse=0.1, k=enough).k == enough
     with pytest.raises(BoundError, match="2 intervals of 1 segments"):
         segment_mean_within(rounds(2), rmse=0.1, k=2, m=1)
 

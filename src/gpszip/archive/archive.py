@@ -486,7 +486,7 @@ class Archive(ArchiveFrames):
         else:
             sampled = []
             for number in self._groups_at(None if every is not None else times):
-                walks, nodes = self._walks_of_group(number)
+                walks, nodes = self.walks_of_group(number)
                 for walk in walks:
                     if walk.times is not None:
                         sampled += self._sample_walk(walk, nodes, every, times)
@@ -499,7 +499,7 @@ class Archive(ArchiveFrames):
     @cached_property
     def exact_names(self) -> tuple[str, ...]:
         """Names of the logs that are kept byte by byte, in their order."""
-        logs = find_exact_logs(self.contents)
+        logs = find_exact_logs(self)
         return () if logs is None else tuple(log.name for log in logs.logs)
 
     def exact_log(self, name: str, first: int = 0, count: int | None = None) -> bytes:
@@ -532,7 +532,7 @@ class Archive(ArchiveFrames):
             raise OptionError(
                 f"no log {name!r} is kept exactly", remedy="exact_names lists those that are"
             )
-        logs = find_exact_logs(self.contents)
+        logs = find_exact_logs(self)
         assert logs is not None
         return b"".join(logs.read(self.exact_names.index(name), first, count))
 
@@ -812,7 +812,7 @@ class Archive(ArchiveFrames):
             self._decoded_groups[number] = walks if prior is None else number_by_visit(walks)
         return self._decoded_groups[number]
 
-    def _walks_of_group(self, number: int) -> tuple[tuple[Walk, ...], NDArray[np.float64]]:
+    def walks_of_group(self, number: int) -> tuple[tuple[Walk, ...], NDArray[np.float64]]:
         """Walks of one group, and the positions in metres of the nodes that they name."""
         from gpszip.walks.quantised import dequantise_walks, node_positions
 

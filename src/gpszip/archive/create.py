@@ -43,6 +43,7 @@ def new_archive(
     executor: Executor | None = None,
     time_ranges: Sequence[NDArray[np.float64]] | None = None,
     step: float = 0.0,
+    is_draft: bool = False,
 ) -> Archive:
     """Code map and walks as an archive.
 
@@ -70,6 +71,9 @@ def new_archive(
     step : float, default 0
         Seconds between two samples of the most densely sampled track. The ``time_ranges`` may be
         rounded by less than that.
+    is_draft : bool, default False
+        Whether the archive is only worked on, so that its walks are coded in one mode, as one
+        group: searching the smallest takes three times as long.
 
     Returns
     -------
@@ -83,6 +87,7 @@ def new_archive(
     """
     from gpszip.codec.ends import find_piece_ends
     from gpszip.codec.modes import encode_smallest
+    from gpszip.codec.walks import encode_in_modes
 
     # The grid and the prior are those of the known map, where there is one.
     prior = None if known_map is None else known_map.prior(refinements)
@@ -93,9 +98,12 @@ def new_archive(
         grid_walks = replace(grid_walks, ends=ends)
 
     # One group, or several if it is large.
-    payload = encode_smallest(grid_walks, prior, executor, grid=walks_grid)
+    if is_draft:
+        payload, _ = encode_in_modes(grid_walks, prior, 0, np.zeros(0), walks_grid)
+    else:
+        payload = encode_smallest(grid_walks, prior, executor, grid=walks_grid)
     groups = [Group(0, len(ids), payload)]
-    if len(payload) >= 2 * _GROUP_BYTES and len(ids) > 1:
+    if not is_draft and len(payload) >= 2 * _GROUP_BYTES and len(ids) > 1:
         count = len(payload) // _GROUP_BYTES
         groups = _encode_groups(grid_walks, walks_grid, count, prior, executor)
 

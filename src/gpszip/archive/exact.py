@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpszip.container.contents import Contents
-from gpszip.container.layout import SectionKind
+from gpszip.container.layout import EXACT_KINDS, SectionKind
 from gpszip.errors import CorruptArchiveError
 
 if TYPE_CHECKING:
+    from gpszip.archive.archive import Archive
     from gpszip.lossless.logs import ExactLogs
+    from gpszip.lossless.trails import Trails
 
-__all__ = ["find_exact_logs", "find_kept"]
+__all__ = ["find_exact_logs", "find_kept", "find_trails"]
 
 
 def find_kept(contents: Contents) -> tuple[int, bytes] | None:
@@ -43,7 +45,7 @@ def _find_section(
     return (found[0].kind, bytes(found[0].body)) if found else None
 
 
-def find_exact_logs(contents: Contents) -> ExactLogs | None:
+def find_exact_logs(archive: Archive) -> ExactLogs | None:
     """Return the logs that are kept byte by byte; None if none are.
 
     Raises
@@ -51,10 +53,21 @@ def find_exact_logs(contents: Contents) -> ExactLogs | None:
     CorruptArchiveError
         If their section is damaged.
     """
-    found = _find_section(contents, (SectionKind.EXACT_LOGS,), "exact logs")
+    found = _find_section(archive.contents, EXACT_KINDS, "exact logs")
     if found is None:
         return None
     # Archives without such a section need not import what reads it.
     from gpszip.lossless.logs import read_exact_logs
 
-    return read_exact_logs(found[1])
+    kind, body = found
+    return read_exact_logs(body, None if kind == SectionKind.EXACT_LOGS else find_trails(archive))
+
+
+def find_trails(archive: Archive) -> Trails:
+    """Return walks that predict logs; none of an archive without times, or on a known map."""
+    from gpszip.archive.trails import ArchiveTrails
+    from gpszip.lossless.trails import NO_TRAILS
+
+    # Logs are not to need another archive.
+    has_walks = archive.timed and archive.contents.map is None
+    return ArchiveTrails(archive) if has_walks else NO_TRAILS

@@ -58,7 +58,7 @@ _MAX_NAMED = 20
 @click.option(
     "--false-alarms",
     type=click.FloatRange(0, min_open=True),
-    default=0.2,
+    default=0.1,
     show_default=True,
     metavar="N",
     help="False alarms of closures a day; the threshold of evidence is chosen for it.",

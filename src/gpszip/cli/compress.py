@@ -17,7 +17,7 @@ from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.keep_option import KeptColumns, keep_options, parse_keep
 from gpszip.cli.lossless import (
     check_lossless,
-    exact_sections,
+    log_keeper,
     lossless_options,
     open_sources,
     remove_logs,
@@ -36,20 +36,37 @@ from gpszip.cli.options import (
 )
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.selecting import pop_selection, selection_options
+from gpszip.cli.stream import check_stream_options, compress_stream, stream_options
 from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
-    from gpszip.container.contents import Section
     from gpszip.model import Listener, Options, Report
     from gpszip.model.log import Log
     from gpszip.model.selection import Selection
+    from gpszip.pipeline.compress import LogKeeper
     from gpszip.run.executor import Executor
 
 __all__ = ["command"]
 
 #: Durations in seconds; infinite for "none".
 _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
+
+#: First bytes of Parquet files.
+_PARQUET = b"PAR1"
+
+#: Options that need the samples of a log, which a coreset lacks.
+_OPTIONS_OF_LOGS = {
+    "map_name": "--map",
+    "append": "--append",
+    "lossless": "--lossless",
+    "clean": "--clean",
+    "sort": "--sort",
+    "split": "--split",
+    "columns": "--columns",
+    "gap": "--gap",
+    "layer": "--layer",
+}
 
 #: Fields of Options that bound the archive, and their options on the command line.
 _BOUND_OPTIONS = {
@@ -65,7 +82,7 @@ _BOUND_OPTIONS = {
     cls=CommandWithFormats,
     short_help="Learn the map of logs and store them as walks on it.",
 )
-@click.argument("logs", metavar="LOG...", nargs=-1, required=True, shell_complete=complete_files())
+@click.argument("logs", metavar="LOG...", nargs=-1, shell_complete=complete_files())
 @output_option("walks.gpsz", default="the name of the only LOG or folder with .gpsz, beside it")
 @click.option(
     "--rmse", type=LENGTH, metavar="LENGTH", help="Largest root mean square error, such as 5m."
@@ -186,13 +203,14 @@ _BOUND_OPTIONS = {
     is_flag=True,
     help="Say what would be read, and estimate bytes and CPU time from a sample; write nothing.",
 )
+@stream_options
 @engine_options
 @quiet
 @force
 @common_options
-@click.pass_obj
+@click.pass_context
 def command(
-    settings: Settings,
+    context: click.Context,
     /,
     logs: tuple[str, ...],
     target: str | None,
@@ -212,6 +230,9 @@ def command(
     from gpszip.cli.summary import print_summary
 
     # Refuse what can be refused before the logs are read.
+    settings: Settings = context.obj
+    _check_logs(context, logs, stream=choices["stream"])
+    check_stream_options(choices)
     target = _output_name(target, logs, choices)
     selection = pop_selection(choices)
     kept = parse_keep(choices["keep"], heights=choices["heights"] and choices["times"])
@@ -227,6 +248,13 @@ def command(
     if choices["update_map"]:
         check_output(choices["update_map"], force=force, binary=True)
 
+    if choices["stream"]:
+        choices |= {"selection": selection, "dry_run": dry_run}
+        return compress_stream(
+            logs, target, options, choices, extended, quiet=quiet, as_json=settings.json
+        )
+    if _is_coreset(logs):
+        return _compress_coreset(logs[0], target, options, choices, settings, quiet=quiet)
     if dry_run:
         return _dry_run(target, logs, reading, options, as_json=settings.json)
 
@@ -237,8 +265,8 @@ def command(
         open_sources(logs, lossless=lossless) as sources,
         reading.open(sources, listener) as log,
     ):
-        extras = exact_sections(sources, lossless=lossless, remove=remove)
-        work = _Work(_memory(choices), executor, listener, extras)
+        keeper = log_keeper(sources, lossless=lossless, remove=remove)
+        work = _Work(_memory(choices), executor, listener, keeper)
         if extended is not None:
             archive, report = work.append(extended, log, options)
         else:
@@ -290,10 +318,68 @@ def _dry_run(
                 memory=_memory(reading.choices),
                 map=reading.known_map,
                 extended=reading.extended,
+                exact=reading.choices["lossless"],
             )
             dry_run = DryRun(target, files, log, found, read_seconds)
             print_dry_run(dry_run, as_json=as_json)
             return Outcome.DONE if dry_run.read_result.complete else Outcome.LEFT_OUT
+
+
+def _check_logs(context: click.Context, logs: tuple[str, ...], *, stream: bool) -> None:
+    """Require a log, unless standard input is followed."""
+    if not logs and not stream:
+        [argument] = (each for each in context.command.params if isinstance(each, click.Argument))
+        raise click.MissingParameter(ctx=context, param=argument)
+
+
+def _is_coreset(logs: tuple[str, ...]) -> bool:
+    """Whether the one log is the coreset of some; only Parquet may be one."""
+    if len(logs) != 1 or not Path(logs[0]).is_file():
+        return False
+    with Path(logs[0]).open("rb") as file:
+        if file.read(len(_PARQUET)) != _PARQUET:
+            return False
+    from gpszip.io.coresets import holds_coreset
+
+    return holds_coreset(logs[0])
+
+
+def _compress_coreset(
+    path: str,
+    target: str,
+    options: Options,
+    choices: dict[str, Any],
+    settings: Settings,
+    *,
+    quiet: bool,
+) -> Outcome:
+    """Learn from a coreset, whose samples are not at hand."""
+    from gpszip.cli.output import write_archive
+    from gpszip.cli.progress import progress_bar
+    from gpszip.cli.summary import print_summary
+    from gpszip.io.coresets import read_coreset
+    from gpszip.model.read_result import ReadResult
+    from gpszip.pipeline.compress_coreset import compress_coreset
+
+    # Refuse what needs the log.
+    for name, option in _OPTIONS_OF_LOGS.items():
+        if choices[name]:
+            raise click.UsageError(f"{option} takes a log, and {path} is its coreset")
+
+    # Learn, write and say what holds.
+    coreset = read_coreset(path)
+    with (
+        progress_bar(quiet=quiet or settings.json) as listener,
+        open_executor(*_executor_choices(choices)) as executor,
+    ):
+        archive, report = compress_coreset(coreset, options, executor=executor, progress=listener)
+    write_archive(target, archive, force=True)
+    if settings.json or not quiet:
+        size = Path(path).stat().st_size
+        geographic = coreset.plane is not None
+        read_result = ReadResult((), coreset.samples, size, geographic)
+        print_summary(target, read_result, report, as_json=settings.json)
+    return Outcome.DONE
 
 
 def _output_name(target: str | None, logs: tuple[str, ...], choices: dict[str, Any]) -> str:
@@ -305,12 +391,12 @@ def _output_name(target: str | None, logs: tuple[str, ...], choices: dict[str, A
 
 @dataclass(frozen=True, eq=False)
 class _Work:
-    """What logs are compressed with, and further sections of the archive."""
+    """What logs are compressed with, and what keeps them exactly."""
 
     memory: int | None
     executor: Executor | None
     listener: Listener | None
-    extras: tuple[Section, ...] = ()
+    logs: LogKeeper | None = None
 
     def compress(self, log: Log, options: Options, map: Archive | None) -> tuple[Archive, Report]:
         """Compress a log, on the map of another archive if one is given."""
@@ -321,7 +407,7 @@ class _Work:
             options,
             memory=self.memory,
             map=map,
-            extras=self.extras,
+            logs=self.logs,
             executor=self.executor,
             progress=self.listener,
         )

@@ -19,6 +19,7 @@ _SECTIONS = {
         "stdin",
     ),
     "Archive": ("archive", "every", "roll_now"),
+    "Stream": ("stream", "batch_lines", "batch_seconds"),
     "Error bound": ("rmse", "max_error", "size", "ratio"),
     "Map": ("map_name", "update_map", "append", "network"),
     "Learning": ("effort", "coreset", "k", "m", "given", "memo", "layer"),

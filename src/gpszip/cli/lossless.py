@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
 if TYPE_CHECKING:
-    from gpszip.container.contents import Section
+    from gpszip.pipeline.compress import LogKeeper
 
 __all__ = [
     "check_lossless",
-    "exact_sections",
+    "log_keeper",
     "lossless_options",
     "open_sources",
     "remove_logs",
@@ -65,15 +66,16 @@ def open_sources(logs: tuple[str, ...], *, lossless: bool) -> AbstractContextMan
     return spooled(logs, unzip=is_bundle)
 
 
-def exact_sections(sources: Sequence[Any], *, lossless: bool, remove: bool) -> tuple[Section, ...]:
-    """The section of the logs that are kept exactly, where any are."""
+def log_keeper(sources: Sequence[Any], *, lossless: bool, remove: bool) -> LogKeeper | None:
+    """What makes the section of the logs that are kept exactly, where any are."""
     if not lossless:
-        return ()
-    from gpszip.pipeline.exact_logs import check_removable, exact_section
+        return None
+    from gpszip.pipeline.exact_logs import check_keepable, check_removable, exact_section
 
+    check_keepable(sources)
     if remove:
         check_removable(sources)
-    return (exact_section(sources),)
+    return partial(exact_section, sources)
 
 
 def remove_logs(target: str, sources: Sequence[Any]) -> int:

@@ -64,6 +64,7 @@ _COMMANDS = (
     "unusual",
     "merge",
     "view",
+    "report",
     "listen",
     "replay",
     "info",

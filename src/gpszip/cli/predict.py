@@ -17,6 +17,7 @@ from gpszip.cli.histories import (
     outcome_of,
     print_reading,
     reading_facts,
+    timezone_option,
 )
 from gpszip.cli.options import Settings, common_options, force
 from gpszip.cli.outcome import Outcome
@@ -65,6 +66,7 @@ _MAX_NAMED = 3
     metavar="N",
     help="Destinations of each track.",
 )
+@timezone_option
 @log_options
 @force
 @common_options
@@ -77,6 +79,7 @@ def command(
     target: str | None,
     edges: int,
     destinations: int,
+    timezone: str | None,
     force: bool,
     **reading: Any,
 ) -> Outcome:
@@ -114,7 +117,11 @@ def command(
 
     # Predict.
     outlooks, network = predict(
-        archive, read.tracks if read else None, edges=edges, destinations=destinations
+        archive,
+        read.tracks if read else None,
+        edges=edges,
+        destinations=destinations,
+        timezone=timezone,
     )
     if target is not None:
         write_outlooks(outlooks, network, target)

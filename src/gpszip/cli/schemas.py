@@ -116,7 +116,8 @@ _COMPRESSION: Fields = {
     "bytes_out": "integer: size of the archive",
     "ratio": "number: bytes_in / bytes_out",
     "rmse": "number: root mean square error in metres, measured after decoding",
-    "max_error": "number: largest error of any sample in metres, measured after decoding",
+    "max_error": "number|null: largest error of any sample in metres, measured after decoding; "
+    "null for a coreset",
     "bound": "string: the bound that was held; empty if there was none",
     "gap": "number|null: longer intervals, in seconds, are gaps; null for none",
     "seconds": "number: time on the clock",
@@ -126,6 +127,25 @@ _COMPRESSION: Fields = {
     **_NOTES,
     **_READ,
     **_DROPPED,
+}
+
+_STREAM: Fields = {
+    "lines": "integer: lines that were read",
+    "points": "integer: samples that went in",
+    "lost": "integer: lines and rows that could not be used",
+    "batches": "integer: times that the archive was written",
+    "tracks": "integer: tracks of the archive",
+    "bytes_out": "integer: size of the archive",
+    "rmse": "number: root mean square error of the samples that went in, in metres",
+    "max_error": "number: their largest error in metres",
+    "bound": "number|null: the error in metres that the archive states",
+    "nodes": "integer: nodes of the archive's map",
+    "edges": "integer: its edges",
+    "counts": {
+        "type": "object",
+        "additionalProperties": {"type": "integer"},
+        "description": "rows and lines that were left out or put elsewhere, by what was done",
+    },
 }
 
 _DRY_RUN: Fields = {
@@ -230,6 +250,7 @@ _ANOMALY: Fields = {
     "t_end": "number: seconds at which it ends",
     "score": "number: bits; each doubles the surprise",
     "reason": "string: what is unusual, for people",
+    "coded_bits": "number|null: bits of its path by the archive's coder, if asked",
     "position": _list("number", "latitude and longitude, or x and y; empty for an absence"),
     "edges": _ROUTE,
 }
@@ -244,6 +265,7 @@ _UNUSUAL: Fields = {
                 "t_end": "number: seconds at which it ends",
                 "score": "number: bits; each doubles the surprise",
                 "reason": "string: what is the most unusual of it",
+                "coded_bits": "number|null: bits of its path by the archive's coder, if asked",
                 "parts": _list(_object(_ANOMALY), "its unusual parts, the most unusual first"),
             }
         ),
@@ -440,6 +462,242 @@ _ROUNDS: Fields = {
     "regularity": "number: share of travel that the usual round tells",
     "output": "string|null: the table of rounds",
     "edges_output": "string|null: the table of edges",
+    "read": _USAGE["read"],
+}
+
+#: Latitude and longitude, or x and y in metres: an archive has one pair.
+_POSITION: Fields = {
+    "lat": "number: degrees",
+    "lon": "number: degrees",
+    "x": "number: metres",
+    "y": "number: metres",
+}
+
+
+def _or_null(fields: Fields, text: str) -> Schema:
+    """Return the schema of an object with these fields, or null where it can't be told."""
+    return {"anyOf": [_object(fields), {"type": "null"}], "description": text}
+
+
+def _list_or_null(fields: Fields, text: str, optional: Fields | None = None) -> Schema:
+    """Return the schema of a list of objects, or null where it can't be told."""
+    items = _object(fields, optional=optional)
+    return {"type": ["array", "null"], "items": items, "description": text}
+
+
+#: What gpszip report says of travel as a whole.
+_REPORT_TOTALS: Fields = {
+    "archive": _object(
+        {
+            "bytes": "integer: its size",
+            "tracks": "integer: its tracks",
+            "points": "integer|null: points of the log, where it is named",
+            "error_bound": "string|null: the error bound",
+            "error_bound_m": "number|null: the bound in metres",
+            "gaps": "integer: gaps of its tracks",
+        },
+        "the archive",
+    ),
+    "period": _or_null(
+        {
+            "start": "number: first time in seconds",
+            "end": "number: last time",
+            "days": "integer: local dates from the first to the last",
+            "days_with_travel": "integer: those on which something moved",
+            "timezone": "string|null: whose hours are told; null where times are no dates",
+            "timezone_from": "string: option, place, default or log",
+            "since": "number|null: time from which on changes are told",
+        },
+        "from when to when; null without times",
+    ),
+    "travel": _or_null(
+        {
+            "tracks": "integer: tracks that move",
+            "metres": "number: way travelled on the map",
+            "moving_s": "number: seconds in motion",
+            "speed": "number|null: metres a second in motion",
+            "edges": "integer: edges of the clean map",
+            "network_metres": "number: their length",
+            "repeated": "number|null: share of the way on edges travelled before",
+        },
+        "all travel; null if nothing moves",
+    ),
+}
+
+#: What gpszip report says of each part of the history.
+_REPORT_PARTS: Fields = {
+    "trips": _or_null(
+        {
+            "trips": "integer: trips from place to place",
+            "stays": "integer: stays",
+            "places": "integer: places",
+            "median_length": "number|null: metres",
+            "median_duration": "number|null: seconds",
+            "unseen": "integer: changes of place in gaps",
+            "doubtful": "integer: single fixes far off that are left out",
+            "pairs": _list(
+                _object(
+                    {
+                        "from": "integer: place",
+                        "to": "integer: place",
+                        "trips": "integer: trips between them",
+                    }
+                ),
+                "the most frequent ways",
+            ),
+        },
+        "trips",
+    ),
+    "activity": _or_null(
+        {
+            "unit": "string: hour, day, week or month",
+            "first": "integer: number of the first one, since 1970 or the log's zero",
+            "starts": _list("string: a date, or a number", "when each begins"),
+            "trips": {
+                "type": ["array", "null"],
+                "items": {"type": "integer"},
+                "description": "trips that begin in each; null if there are none",
+            },
+            "metres": _list("number: metres", "way travelled in each"),
+        },
+        "how much happens when",
+    ),
+    "places": _list_or_null(
+        {
+            "place": "integer: number of the place",
+            "visits": "integer: stays",
+            "dwell_s": "number: seconds of all stays",
+            "usual": "string: usual hours",
+            "role": "string: home, work or nothing",
+            "evidence": "string: why",
+            "arrivals": "integer: trips to it",
+            "departures": "integer: trips from it",
+        },
+        "places by the time spent there",
+        _POSITION,
+    ),
+    "hours": {
+        "type": ["array", "null"],
+        "items": {"type": "number"},
+        "description": "metres travelled in each hour of the week, from Monday 0 o'clock",
+    },
+    "speeds": _list_or_null(
+        {
+            "hour": "integer: hour of the day",
+            "traversals": "integer: traversals with a speed",
+            "speed_q1": "number: first quartile in metres a second",
+            "speed": "number: median",
+            "speed_q3": "number: third quartile",
+        },
+        "speeds by hour, without standing",
+    ),
+    "edges": _list_or_null(
+        {
+            "edge": "integer: edge of the clean map",
+            "length": "number: metres",
+            "forward": "integer: traversals from its start to its end",
+            "backward": "integer: traversals the other way",
+            "speed": "number|null: median metres a second",
+        },
+        "the edges that are travelled most, with their middles",
+        _POSITION,
+    ),
+    "changes": _or_null(
+        {
+            "since": "number: time from which on they are told",
+            "days": "number: days compared with the time before",
+            "threshold": "number: nats of evidence",
+            "expected_false": "number: false alarms of closures to be expected",
+            "changes": "integer: all changes",
+            "rows": _list(
+                _object(
+                    {
+                        "kind": "string: closed, reopened, new, moved, slower, faster or one-way",
+                        "edge": "integer: edge of the clean map",
+                        "forward": "boolean: direction concerned",
+                        "since": "number: seconds of the first sign",
+                        "evidence": "number: nats",
+                        "agents": "integer: observations",
+                        "factor": "number|null: travel time now over that before",
+                    },
+                    optional=_POSITION,
+                ),
+                "those with the most evidence",
+            ),
+        },
+        "changes of the map",
+    ),
+    "unusual": _or_null(
+        {
+            "trips": "integer: trips that were scored",
+            "left_out": "integer: those that were not",
+            "rows": _list(
+                _object(
+                    {
+                        "track": "string: the track",
+                        "start": "number: seconds",
+                        "end": "number: seconds",
+                        "score": "number: bits",
+                        "reason": "string: what is unusual",
+                    },
+                    optional=_POSITION,
+                ),
+                "the most unusual trips",
+            ),
+        },
+        "unusual trips",
+    ),
+    "rounds": _or_null(
+        {
+            "edges": "integer: edges of the usual round",
+            "length": "number: its metres",
+            "duration": "number|null: median seconds",
+            "regularity": "number: share of travel that it tells",
+            "rounds": "integer: rounds",
+            "complete": "integer: those that cover it",
+            "durations": _list(
+                _object(
+                    {
+                        "seconds": "number|null: duration",
+                        "complete": "boolean: whether it covers the usual round",
+                    }
+                ),
+                "the latest rounds",
+            ),
+            "rows": _list(
+                _object(
+                    {
+                        "track": "string: the track",
+                        "round": "integer: number of the round",
+                        "start": "number|null: seconds",
+                        "share": "number: share of the usual round",
+                        "late_s": "number|null: seconds longer than the median",
+                        "missed": _list("integer: an edge", "edges that it misses"),
+                    }
+                ),
+                "rounds that cover least",
+            ),
+        },
+        "rounds of a patrol",
+    ),
+    "prediction": _or_null(
+        {
+            "decisions": "integer: decisions at crossings",
+            "right": "number: share of them whose likeliest edge was taken",
+            "bits": "number: mean bits of the edge that was taken",
+        },
+        "how well the next edge is foreseen",
+    ),
+    "cannot_tell": _table("string: the reason", "parts that can't be told"),
+}
+
+#: What gpszip report says.
+_REPORT: Fields = {
+    **_OUTPUT,
+    "bytes": "integer: size of the page",
+    "name": "string: title of the page",
+    **_REPORT_TOTALS,
+    **_REPORT_PARTS,
     "read": _USAGE["read"],
 }
 
@@ -714,6 +972,7 @@ _ROLLED = _object(
 _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "compress": ({**_OUTPUT, **_COMPRESSION}, {}),
     "compress --dry-run": (_DRY_RUN, {}),
+    "compress --stream": ({**_OUTPUT, **_STREAM}, {}),
     "decompress": (
         {
             **_OUTPUT,
@@ -738,6 +997,7 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "usage": (_USAGE, {}),
     "route": (_PLAN, {}),
     "rounds": (_ROUNDS, {}),
+    "report": (_REPORT, {}),
     "changes": (_CHANGES, {}),
     "predict": (_PREDICT, {}),
     "unusual": (_UNUSUAL, {}),

@@ -161,7 +161,8 @@ def describe_compression(read_result: ReadResult, report: Report) -> str:
         f"{format_count(report.points, 'point')} in {format_count(report.tracks, 'track')}",
         f"{sizes} (1:{ratio:,.{decimals}f})",
         f"RMSE {format_length(report.rmse)}",
-        f"maximum {format_length(report.max_error)}",
+        # Of a coreset, the largest error is not known.
+        *([] if isinf(report.max_error) else [f"maximum {format_length(report.max_error)}"]),
         f"{report.seconds:.1f} s",
     ]
     return "; ".join([", ".join(facts), *_describe_remarks(read_result, report)])

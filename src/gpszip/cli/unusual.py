@@ -18,6 +18,7 @@ from gpszip.cli.histories import (
     outcome_of,
     print_reading,
     reading_facts,
+    timezone_option,
 )
 from gpszip.cli.options import Settings, common_options, force
 from gpszip.cli.outcome import Outcome
@@ -74,6 +75,12 @@ _DAY = 86_400.0
     metavar="BITS",
     help="Score from which a trip counts as unusual.",
 )
+@click.option(
+    "--coded",
+    is_flag=True,
+    help="Tell also the bits that the archive's own coder takes to write each trip and part.",
+)
+@timezone_option
 @log_options
 @force
 @common_options
@@ -86,6 +93,8 @@ def command(
     target: str | None,
     parts: bool,
     alarm: float,
+    coded: bool,
+    timezone: str | None,
     force: bool,
     **reading: Any,
 ) -> Outcome:
@@ -119,7 +128,7 @@ def command(
     read = read_logs(sources, selection=pop_selection(reading), **reading)
     if not settings.json:
         print_reading(read)
-    found = unusual(read.tracks, archive)
+    found = unusual(read.tracks, archive, timezone=timezone, coded=coded)
     if target is not None:
         _write(found, read.tracks, target, parts=parts)
 
@@ -168,6 +177,7 @@ def _facts(found: Unusual, alarm: float, read: ReadResult) -> dict[str, Any]:
             "t_end": trip.end,
             "score": trip.score,
             "reason": trip.reason,
+            "coded_bits": _known(trip.coded_bits),
             "parts": [_part_facts(part) for part in trip.anomalies],
         }
         for trip in found.ranked
@@ -194,9 +204,15 @@ def _part_facts(part: Anomaly) -> dict[str, Any]:
         "t_end": part.end,
         "score": part.bits,
         "reason": part.reason,
+        "coded_bits": _known(part.coded_bits),
         "position": list(part.position),
         "edges": [{"edge": edge, "forward": forward} for edge, forward in part.edges],
     }
+
+
+def _known(bits: float) -> float | None:
+    """A number for JSON, which has no NaN."""
+    return None if math.isnan(bits) else bits
 
 
 def _describe(found: Unusual, alarm: float) -> list[str]:

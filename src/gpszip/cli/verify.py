@@ -32,7 +32,7 @@ def command(settings: Settings, archive: str, map_name: str | None) -> Outcome:
         source = open_archive_bytes(archive, data, map_name)
         knots = sum(len(walk.nodes) for walk in source.grid_walks.walks)
         tracks = len(source.ids)
-        exact = find_exact_logs(source.contents)
+        exact = find_exact_logs(source)
         if exact is not None:
             exact.check()
         source.check_curves()

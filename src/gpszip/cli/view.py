@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.cli.completing import complete_files
+from gpszip.cli.histories import timezone_option
 from gpszip.cli.options import Settings, common_options, force, map_option, quiet
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.raw_log import CommandWithLogs, raw_log_options, read_raw_log
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from gpszip.archive import Archive
     from gpszip.model import Listener, Network, ReadResult, Track
     from gpszip.model.match import Matching
+    from gpszip.pipeline.findings import Findings
 
 __all__ = ["command"]
 
@@ -48,6 +50,12 @@ _PAGE_OF_STDIN = "archive.html"
 @click.option(
     "--match", "is_matched", is_flag=True, help="Show the routes of the log on the roads, too."
 )
+@click.option(
+    "--history",
+    metavar="PARTS",
+    help="Show what the history tells, too: all, or some of trips,usage,changes,unusual,rounds.",
+)
+@timezone_option
 @map_option
 @click.option(
     "-o",
@@ -69,6 +77,8 @@ def command(
     raw: tuple[str, ...],
     network: tuple[str, ...],
     is_matched: bool,
+    history: str | None,
+    timezone: str | None,
     map_name: str | None,
     target: str | None,
     is_opened: bool,
@@ -79,17 +89,19 @@ def command(
     """Write a page that shows ARCHIVE in a browser: map, walks, samples, errors.
 
     The page is one file. It opens from disk, needs no network, and sends nothing anywhere. Two
-    archives are shown side by side.
+    archives are shown side by side. --history adds places, trips, the use of edges by hour,
+    changes, unusual trips and rounds, which takes time.
     """
     from gpszip.cli.archives import read_decoded_archive
     from gpszip.cli.output import check_output, print_status
     from gpszip.cli.progress import progress_bar
     from gpszip.errors import OptionError
-    from gpszip.view.write import check_coordinates_of, check_count
+    from gpszip.view.write import check_coordinates_of, check_count, find_histories
 
     # Refuse what can be refused before any work.
     selection = pop_selection(reading)
     check_count(len(archives))
+    parts = _read_parts(history, timezone)
     if is_matched and not (network and raw):
         raise OptionError("--match needs a log and roads", remedy="give --raw and --network, too")
     target = target or _page_name(archives[0])
@@ -104,7 +116,8 @@ def command(
         check_coordinates_of(opened)
         reading["selection"] = selection
         read_result = read_raw_log(raw, opened[0], reading) if raw else None
-        page, drawn = _build(opened, archives, read_result, network, is_matched, listener)
+        findings = find_histories(opened, parts, timezone)
+        page, drawn = _build(opened, archives, read_result, network, is_matched, findings, listener)
     _write(target, page)
     if settings.json or not quiet:
         _print_result(target, len(page), read_result, drawn, settings)
@@ -120,12 +133,25 @@ def _page_name(archive: str) -> str:
     return _PAGE_OF_STDIN if archive == "-" else f"{Path(archive).stem}.html"
 
 
+def _read_parts(history: str | None, timezone: str | None) -> tuple[str, ...]:
+    """Parts of the history that were asked for, checked as the time zone is."""
+    if history is None:
+        return ()
+    from gpszip.history.local_time import find_zone
+    from gpszip.pipeline.findings import check_parts
+
+    if timezone is not None:
+        find_zone(timezone)
+    return check_parts(history.split(","))
+
+
 def _build(
     archives: Sequence[Archive],
     names: tuple[str, ...],
     read_result: ReadResult | None,
     network: tuple[str, ...],
     is_matched: bool,
+    findings: Sequence[Findings | None],
     listener: Listener | None,
 ) -> tuple[bytes, int]:
     """Return the page, and how many samples of the log it holds."""
@@ -143,8 +169,10 @@ def _build(
 
     # The page.
     shown = [
-        ShownArchive(archive, Path(name).name, put_on_plane(tracks, archive), log_bytes, matching)
-        for archive, name in zip(archives, names, strict=True)
+        ShownArchive(
+            archive, Path(name).name, put_on_plane(tracks, archive), log_bytes, matching, found
+        )
+        for archive, name, found in zip(archives, names, findings, strict=True)
     ]
     scene = build_scene(shown, roads, title=" and ".join(each.name for each in shown))
     samples = scene["archives"][0]["raw"]

@@ -94,14 +94,18 @@ class SectionKind(IntEnum):
     INDEX = 6  # where each group lies
     END = 7  # offset of the index, checksum of checksums
     ERROR_BOUND = 8  # error bound and sampling
-    EXACT_LOGS = 9  # the logs, byte by byte
+    EXACT_LOGS = 9  # the logs, byte by byte, by themselves
     CODED_ATTRIBUTES = 10  # kept times and columns, by the coder of lossless columns
     CURVES = 11  # columns kept within an error
     SHORT_CURVES = 12  # the same, with bounds of two bytes
+    GUIDED_LOGS = 13  # the logs, byte by byte, predicted by the walks
 
 
 #: Kinds of sections that hold curves, of which there is at most one.
 CURVE_KINDS = (SectionKind.CURVES, SectionKind.SHORT_CURVES)
+
+#: Kinds of sections that hold logs byte by byte, of which there is at most one.
+EXACT_KINDS = (SectionKind.EXACT_LOGS, SectionKind.GUIDED_LOGS)
 
 
 @dataclass(frozen=True)

@@ -214,12 +214,33 @@ def _read_extras(
         for section in sections
         if section.kind == SectionKind.ATTRIBUTES or section.kind > SectionKind.ERROR_BOUND
     )
+    extras = _without_guided_logs(sections, extras, has_all_tracks, lost)
     if has_all_tracks or all(extra.kind not in _OF_ALL_TRACKS for extra in extras):
         return extras
     are_curves = all(extra.kind in CURVE_KINDS for extra in extras if extra.kind in _OF_ALL_TRACKS)
     what = "columns kept within an error" if are_curves else "kept columns and times of samples"
     lost.append(f"{what}, as they stand for all tracks together")
     return tuple(extra for extra in extras if extra.kind not in _OF_ALL_TRACKS)
+
+
+def _without_guided_logs(
+    sections: list[StoredSection],
+    extras: tuple[Section, ...],
+    has_all_tracks: bool,
+    lost: list[str],
+) -> tuple[Section, ...]:
+    """All sections but logs that walks or names predict of which some are lost."""
+    if has_all_tracks and any(section.kind == SectionKind.NAMES for section in sections):
+        return extras
+    # Their first byte tells whether anything predicts them.
+    guided = [
+        extra
+        for extra in extras
+        if extra.kind == SectionKind.GUIDED_LOGS and bytes(extra.body)[:1] != b"\0"
+    ]
+    if guided:
+        lost.append("logs kept byte by byte, as the walks that predict them are not whole")
+    return tuple(extra for extra in extras if extra not in guided)
 
 
 def _read_error_bound(

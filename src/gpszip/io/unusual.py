@@ -43,6 +43,7 @@ def write_trips(found: Unusual, tracks: Sequence[Track], target: str) -> None:
         "score": np.round([trip.score for trip in trips], _DECIMALS),
         "reason": np.array([trip.reason for trip in trips], object),
     }
+    _add_coded_bits(columns, trips)
     _write(columns, trips, tracks, target)
 
 
@@ -64,7 +65,17 @@ def write_parts(found: Unusual, tracks: Sequence[Track], target: str) -> None:
     for axis, name in enumerate(axes):
         places = [part.position[axis] if part.position else np.nan for part in parts]
         columns[name] = np.round(places, 7 if found.geographic else _DECIMALS)
+    _add_coded_bits(columns, parts)
     _write(columns, parts, tracks, target)
+
+
+def _add_coded_bits(
+    columns: dict[str, NDArray[Any]], rows: Sequence[UnusualTrip | Anomaly]
+) -> None:
+    """Add the bits of the archive's coder, if they were asked for."""
+    bits = np.array([row.coded_bits for row in rows], np.float64)
+    if np.isfinite(bits).any():
+        columns["coded_bits"] = np.round(bits, _DECIMALS)
 
 
 def _write(

@@ -34,6 +34,13 @@ KINDS: Mapping[str, str] = {
     "unusual.turn": "the agent turned where hardly anybody does",
     "unusual.speed": "the agent was much slower or faster than usual on an edge",
     "unusual.stop": "the agent stopped on the way where nobody stops",
+    "closed.suspected": "agents go other ways than over an edge, as if it were closed",
+    "closed": "hardly any doubt is left that an edge is closed",
+    "reopened": "an agent travelled an edge that was closed",
+    "new_edge": "a path off the map was travelled again",
+    "visited": "a patrol visited an edge of its round",
+    "missed": "a patrol completed a round without an edge",
+    "round.complete": "a patrol is back where its rounds begin",
 }
 
 #: Letters of an id: 64 bits.

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections import Counter, OrderedDict
 from collections.abc import Callable
 
+from gpszip.model.text import count_phrase
+
 __all__ = ["Notices", "printable"]
 
 #: Pairs of agent and event whose counts are kept; of more, the one unused for longest goes.
@@ -49,6 +51,26 @@ class Notices:
         """Count an event of normal operation, without a line."""
         if len(self.counts) < _MAX_EVENTS or event in self.counts:
             self.counts[event] += number
+
+    def add(self, event: str, number: int, where: str, value: str = "") -> None:
+        """Count an event that happened so often, and tell of it when its count has a digit more.
+
+        Examples
+        --------
+        >>> notices = Notices(print)
+        >>> for number in (3, 6, 9):
+        ...     notices.add("rows without a time dropped", number, "robot: row 7")
+        robot: row 7: 3 rows without a time dropped
+        rows without a time dropped (18 by now)
+        """
+        known = self.counts[event]
+        self.count(event, number)
+        if not known:
+            place = f"{printable(where)}: " if where else ""
+            shown = f" ({printable(value)})" if value else ""
+            self._tell(f"{place}{count_phrase(number, event)}{shown}")
+        elif len(str(known + number)) > len(str(known)):
+            self._tell(f"{event} ({known + number:,} by now)")
 
     def note(self, event: str, agent: str = "", value: str = "") -> None:
         """Count an event, and tell of it if it is new or has become ten times as frequent."""

@@ -10,7 +10,9 @@ from typing import BinaryIO
 
 from gpszip.container.layout import CHECKSUM_BYTES, Cursor, encode_varint
 from gpszip.errors import CorruptArchiveError
+from gpszip.lossless.guide_search import GuideFinder
 from gpszip.lossless.text import MAX_BLOCK_BYTES, decode_block, encode_block
+from gpszip.lossless.trails import NO_TRAILS, Trails
 
 __all__ = ["ExactLog", "ExactLogs", "read_exact_logs", "write_exact_logs"]
 
@@ -64,11 +66,17 @@ class ExactLogs:
         In the order in which they were compressed.
     body : bytes
         Body of the section.
+    trails : Trails, optional
+        Walks that predict the logs; None in sections of kind 9.
+    is_guided : bool, default False
+        Whether the walks are needed.
     """
 
     logs: tuple[ExactLog, ...]
     body: bytes
     blocks: tuple[_Block, ...]
+    trails: Trails | None = None
+    is_guided: bool = False
 
     def read(self, number: int, first: int = 0, count: int | None = None) -> Iterator[bytes]:
         """Yield bytes of a log in chunks; only blocks that hold some of them are decoded.
@@ -117,11 +125,13 @@ class ExactLogs:
 
     def _decode(self, block: _Block) -> bytes:
         cursor = Cursor(self.body, block.offset, block.offset + block.length)
-        return decode_block(cursor, block.size)
+        return decode_block(cursor, block.size, self.trails)
 
 
 def write_exact_logs(
-    logs: Iterable[tuple[str, Callable[[], Iterable[bytes]]]], sink: BinaryIO
+    logs: Iterable[tuple[str, Callable[[], Iterable[bytes]]]],
+    sink: BinaryIO,
+    trails: Trails = NO_TRAILS,
 ) -> None:
     r"""Write the body of the section.
 
@@ -134,23 +144,27 @@ def write_exact_logs(
         Name of each log, and what yields its bytes in chunks; two blocks are in memory at a time.
     sink : binary file
         Only written to.
+    trails : Trails, optional
+        Walks that predict the logs; readers then need them, too.
 
     Examples
     --------
     >>> import io
     >>> sink = io.BytesIO()
     >>> write_exact_logs([("a.csv", lambda: [b"t,x,y\n", b"0,1,2\n"])], sink)
-    >>> found = read_exact_logs(sink.getvalue())
+    >>> found = read_exact_logs(sink.getvalue(), NO_TRAILS)
     >>> found.logs[0].name, b"".join(found.read(0))
     ('a.csv', b't,x,y\n0,1,2\n')
     """
     records: list[ExactLog] = []
     with tempfile.SpooledTemporaryFile(_MAX_IN_MEMORY, prefix="gpszip-") as spool:
+        finder = GuideFinder(trails)
         for block in _blocks(logs, records):
-            coded = encode_block(block)
+            coded = encode_block(block, finder)
             spool.write(encode_varint(len(block)) + encode_varint(len(coded)) + coded)
 
-        # The logs come first, then the blocks.
+        # Whether walks are needed comes first, then the logs and the blocks.
+        sink.write(bytes([finder.has_found]))
         sink.write(encode_varint(len(records)))
         for record in records:
             name = record.name.encode()
@@ -161,8 +175,15 @@ def write_exact_logs(
             sink.write(chunk)
 
 
-def read_exact_logs(body: bytes) -> ExactLogs:
+def read_exact_logs(body: bytes, trails: Trails | None = None) -> ExactLogs:
     """Read the head of the section, and where its blocks lie; nothing is decoded.
+
+    Parameters
+    ----------
+    body : bytes
+        Body of the section.
+    trails : Trails, optional
+        The walks of the archive; None for a section of kind 9, which needs none.
 
     Raises
     ------
@@ -171,6 +192,12 @@ def read_exact_logs(body: bytes) -> ExactLogs:
     """
     # The logs.
     cursor = Cursor(body)
+    is_guided = False
+    if trails is not None:
+        flag = cursor.read_byte("whether walks predict the logs")
+        if flag > 1:
+            raise cursor.error(f"logs of kind {flag}")
+        is_guided = flag == 1
     count = cursor.read_varint("the number of logs")
     if count * _MIN_RECORD > cursor.remaining:
         raise cursor.error(f"{count} logs in {cursor.remaining} bytes")
@@ -190,7 +217,7 @@ def read_exact_logs(body: bytes) -> ExactLogs:
         cursor.read_bytes(length, "a block")
         first += size
     cursor.expect_end("the exact logs")
-    return ExactLogs(logs, body, tuple(blocks))
+    return ExactLogs(logs, body, tuple(blocks), trails, is_guided)
 
 
 def _read_log(cursor: Cursor) -> ExactLog:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.container.layout import Cursor
+from gpszip.container.layout import Cursor, encode_varint
 from gpszip.lossless.columns import MAX_VALUE, decode_column, encode_column
 
 __all__ = ["Notation", "decode_notation", "encode_notation", "find_notation"]
@@ -24,9 +24,14 @@ _NATURAL = 0
 _PADDED = 1
 _WIDTHS_LISTED = 2
 
-#: Bits of the first byte: two for each of the above, one where numbers keep their own units.
+#: Bits of the first byte: two for each of the above, one where numbers keep their own units, one
+#: where rows of minus zeros follow.
 _WIDTH_SHIFT = 2
 _UNSCALED_SHIFT = 4
+_MINUS_SHIFT = 5
+
+#: Is added to the width of a zero with a minus before it.
+_MINUS_ZERO = 128
 
 #: Most digits of a number.
 _MAX_DIGITS = 17
@@ -51,6 +56,8 @@ class Notation:
         Whether all numbers are in units of the last of ``decimals`` digits, not of their own.
     places, widths : int64 array, shape (n,), optional
         Digits after and before the point of each number, where they are listed.
+    minus_zeros : int array, optional
+        Rows of zeros with a minus before them, where there are any.
     """
 
     places_rule: int
@@ -60,6 +67,7 @@ class Notation:
     is_scaled: bool
     places: _Ints | None = None
     widths: _Ints | None = None
+    minus_zeros: NDArray[np.intp] | None = None
 
     def apply(self, column: _Ints) -> tuple[_Ints, _Counts, _Counts]:
         """Return value, digits after and digits before the point of each number."""
@@ -78,7 +86,10 @@ class Notation:
 
         # Digits before it; no fewer than the number needs are written.
         widths = np.full(len(column), self.width, np.int64) if self.widths is None else self.widths
-        return values, places.astype(np.uint8), widths.astype(np.uint8)
+        all_widths = widths.astype(np.uint8)
+        if self.minus_zeros is not None:
+            all_widths[self.minus_zeros] |= _MINUS_ZERO
+        return values, places.astype(np.uint8), all_widths
 
 
 def find_notation(values: _Ints, places: _Counts, widths: _Counts) -> tuple[Notation, _Ints]:
@@ -89,7 +100,7 @@ def find_notation(values: _Ints, places: _Counts, widths: _Counts) -> tuple[Nota
     values : int64 array, shape (n,)
         In units of the last digit of each.
     places, widths : uint8 array, shape (n,)
-        Digits after and before the point.
+        Digits after and before the point; 128 is added to the latter for minus zero.
 
     Returns
     -------
@@ -103,6 +114,10 @@ def find_notation(values: _Ints, places: _Counts, widths: _Counts) -> tuple[Nota
     >>> find_notation(np.array([15, 2]), np.array([1, 0], np.uint8), np.ones(2, np.uint8))[1]
     array([15, 20])
     """
+    # Zeros with a minus.
+    minus_zeros = np.flatnonzero(widths & _MINUS_ZERO)
+    widths = widths & np.uint8(_MINUS_ZERO - 1)
+
     # One unit for all, if no number gets too large.
     decimals = int(places.max(initial=0))
     powers = _powers(decimals - places.astype(np.int64))
@@ -133,6 +148,7 @@ def find_notation(values: _Ints, places: _Counts, widths: _Counts) -> tuple[Nota
         is_scaled,
         listed if rule == _LISTED else None,
         widths.astype(np.int64) if width_rule == _WIDTHS_LISTED else None,
+        minus_zeros if len(minus_zeros) else None,
     )
     return notation, column
 
@@ -143,6 +159,7 @@ def encode_notation(notation: Notation) -> bytes:
         notation.places_rule
         | notation.width_rule << _WIDTH_SHIFT
         | (not notation.is_scaled) << _UNSCALED_SHIFT
+        | (notation.minus_zeros is not None) << _MINUS_SHIFT
     )
     parts = [bytes([first, notation.decimals])]
     if notation.places is not None:
@@ -151,6 +168,10 @@ def encode_notation(notation: Notation) -> bytes:
         parts.append(bytes([notation.width]))
     if notation.widths is not None:
         parts.append(encode_column(notation.widths)[0])
+    if notation.minus_zeros is not None:
+        parts.append(encode_varint(len(notation.minus_zeros)))
+        skipped = np.diff(notation.minus_zeros, prepend=-1) - 1
+        parts.append(encode_column(skipped.astype(np.int64))[0])
     return b"".join(parts)
 
 
@@ -164,15 +185,32 @@ def decode_notation(cursor: Cursor, count: int) -> Notation:
     """
     first, decimals = cursor.read_bytes(2, "a notation")
     places_rule, width_rule = first & 3, first >> _WIDTH_SHIFT & 3
-    if first >> (_UNSCALED_SHIFT + 1) or width_rule > _WIDTHS_LISTED or decimals > _MAX_DIGITS:
+    if first >> (_MINUS_SHIFT + 1) or width_rule > _WIDTHS_LISTED or decimals > _MAX_DIGITS:
         raise cursor.error("no numbers are written in this way")
-    is_scaled = not first >> _UNSCALED_SHIFT
+    is_scaled = not first >> _UNSCALED_SHIFT & 1
     places = _read_counts(cursor, count, decimals) if places_rule == _LISTED else None
     width = cursor.read_byte("a width") if width_rule == _PADDED else 0
     if width > _MAX_DIGITS:
         raise cursor.error(f"numbers with {width} digits before the point")
     widths = _read_counts(cursor, count, _MAX_DIGITS) if width_rule == _WIDTHS_LISTED else None
-    return Notation(places_rule, width_rule, decimals, width, is_scaled, places, widths)
+    minus_zeros = _read_rows(cursor, count) if first >> _MINUS_SHIFT else None
+    return Notation(
+        places_rule, width_rule, decimals, width, is_scaled, places, widths, minus_zeros
+    )
+
+
+def _read_rows(cursor: Cursor, count: int) -> NDArray[np.intp]:
+    """Read numbers of rows, in order."""
+    rows = cursor.read_varint("the number of minus zeros")
+    if rows > count:
+        raise cursor.error(f"{rows} minus zeros of {count} numbers")
+    skipped, _ = decode_column(cursor, rows)
+    if rows and (skipped.min() < 0 or skipped.max() >= count):
+        raise cursor.error(f"a minus zero past the last of {count} numbers")
+    found = np.cumsum(skipped + 1) - 1
+    if rows and found[-1] >= count:
+        raise cursor.error(f"a minus zero past the last of {count} numbers")
+    return found.astype(np.intp)
 
 
 def _read_counts(cursor: Cursor, count: int, limit: int) -> _Ints:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["EXACT", "LAST_BIN", "NEAR", "Setting"]
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["EXACT", "LAST_BIN", "NEAR", "Guide", "Setting"]
 
 #: Orders of thresholds: near the prediction, and exact.
 NEAR = 0
@@ -39,3 +42,30 @@ class Setting(NamedTuple):
     shift: int
     scale: int
     first_bin: int
+
+
+class Guide(NamedTuple):
+    """What a walk says of a column.
+
+    Parameters
+    ----------
+    values : int64 array, shape (m,)
+        In sixteenths of the column's steps.
+    classes : uint8 array, shape (m,)
+        What kind of a value; 0 for none.
+    run_rows, run_events : int64 array, shape (r + 1,)
+        Rows and values of runs.
+    slack : int
+        Values less than this past the last number are no longer to come.
+    """
+
+    values: NDArray[np.int64]
+    classes: NDArray[np.uint8]
+    run_rows: NDArray[np.int64]
+    run_events: NDArray[np.int64]
+    slack: int
+
+
+def no_guide() -> Guide:
+    zero = np.zeros(0, np.int64)
+    return Guide(zero, np.zeros(0, np.uint8), zero, zero, 0)

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from gpszip.container.layout import Cursor, encode_varint
 from gpszip.lossless.columns import MAX_VALUE, CodedColumn, decode_column, encode_column
 from gpszip.lossless.grids import decode_grid, encode_grid, find_grid
+from gpszip.lossless.guide_search import GuideFinder
+from gpszip.lossless.guides import NAME_ROLE, Guided, decode_guide, encode_guide
+from gpszip.lossless.trails import Trails
 
 __all__ = ["decode_table", "encode_table"]
 
@@ -23,7 +26,11 @@ _MAX_DECREASING = 1
 _Ints = NDArray[np.int64]
 
 
-def encode_table(columns: Sequence[_Ints], decimals: Sequence[int] | None = None) -> bytes:
+def encode_table(
+    columns: Sequence[_Ints],
+    decimals: Sequence[int] | None = None,
+    finder: GuideFinder | None = None,
+) -> bytes:
     """Encode columns of the same length.
 
     Parameters
@@ -32,6 +39,8 @@ def encode_table(columns: Sequence[_Ints], decimals: Sequence[int] | None = None
         Numbers in units of their last digit, between -2**57 and 2**57.
     decimals : sequence of int, optional
         Digits after the decimal point of each column; by default seven.
+    finder : GuideFinder, optional
+        Finds what walks tell of the columns; a decoder then needs the walks, too.
 
     Examples
     --------
@@ -43,13 +52,26 @@ def encode_table(columns: Sequence[_Ints], decimals: Sequence[int] | None = None
     decimals = [7] * len(columns) if decimals is None else decimals
 
     # The times come first, since they help to predict all others.
+    # The column of times, and what walks tell of the rows.
     times = next((i for i, column in enumerate(columns) if _are_times(column)), None)
+    if finder is not None:
+        times = finder.find_times(columns, decimals, times)
     record = [encode_varint(0 if times is None else times + 1)]
+    found = None
+    if finder is not None:
+        found = None if times is None else finder.find(columns, decimals, times)
+        record.append(encode_guide(None if found is None else found.guide))
+
+    # The times come first, since they help to predict all others. Names need no coding.
     coded: list[CodedColumn] = []
     time_column = None
     for i in _coding_order(len(columns), times):
-        head, multiples = encode_grid(find_grid(columns[i], decimals[i]), columns[i])
-        data, column = encode_column(multiples, time_column, _sides(coded))
+        if found is not None and found.guide.roles[i].kind == NAME_ROLE:
+            continue
+        grid = find_grid(columns[i], decimals[i])
+        head, multiples = encode_grid(grid, columns[i])
+        guide = None if found is None else found.column_guide(i, times, grid)
+        data, column = encode_column(multiples, time_column, _sides(coded), guide)
         record += [head, data]
         if i == times:
             time_column = column
@@ -58,8 +80,15 @@ def encode_table(columns: Sequence[_Ints], decimals: Sequence[int] | None = None
     return b"".join(record)
 
 
-def decode_table(cursor: Cursor, rows: int, count: int) -> list[_Ints]:
+def decode_table(
+    cursor: Cursor, rows: int, count: int, trails: Trails | None = None
+) -> list[_Ints]:
     """Undo :func:`encode_table` for ``count`` columns of ``rows`` numbers.
+
+    Parameters
+    ----------
+    trails : Trails, optional
+        The walks, where the table was encoded with a finder.
 
     Raises
     ------
@@ -70,15 +99,27 @@ def decode_table(cursor: Cursor, rows: int, count: int) -> list[_Ints]:
     if number > count:
         raise cursor.error(f"times in column {number} of {count}")
     times = number - 1 if number else None
+    found = None
+    if trails is not None:
+        table_guide = decode_guide(cursor, rows, count, trails)
+        found = None if table_guide is None else Guided(table_guide, trails)
+
+    # The columns, in the order of coding.
     coded: list[CodedColumn] = []
     columns: dict[int, _Ints] = {}
     time_column = None
     for i in _coding_order(count, times):
+        if found is not None and found.guide.roles[i].kind == NAME_ROLE:
+            columns[i] = found.names(i)
+            continue
         grid, differences = decode_grid(cursor, rows)
-        multiples, column = decode_column(cursor, rows, time_column, _sides(coded))
+        guide = None if found is None else found.column_guide(i, times, grid)
+        multiples, column = decode_column(cursor, rows, time_column, _sides(coded), guide)
         columns[i] = grid.numbers(multiples) + differences
         if i == times:
             time_column = column
+            if found is not None:
+                found.locate(multiples)
         else:
             coded.append(column)
     return [columns[i] for i in range(count)]

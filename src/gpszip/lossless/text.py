@@ -19,8 +19,10 @@ from gpszip.container.expansion import deflate, inflate, pack_lzma, unpack_lzma
 from gpszip.container.layout import Cursor, encode_varint
 from gpszip.errors import CorruptArchiveError
 from gpszip.lossless.columns import decode_column, encode_column
+from gpszip.lossless.guide_search import GuideFinder
 from gpszip.lossless.notation import decode_notation, encode_notation, find_notation
 from gpszip.lossless.tables import decode_table, encode_table
+from gpszip.lossless.trails import Trails
 
 __all__ = ["MAX_BLOCK_BYTES", "decode_block", "encode_block"]
 
@@ -31,6 +33,7 @@ MAX_BLOCK_BYTES = 1 << 22
 _STORED = 0
 _LZMA = 1
 _TABLES = 2
+_GUIDED_TABLES = 3
 
 #: Above this many shapes, those with the same kinds of numbers share a table; above the second
 #: number, text is no tables.
@@ -88,32 +91,35 @@ class _Records:
         return text.tobytes() if is_complete else None
 
 
-def encode_block(text: bytes) -> bytes:
+def encode_block(text: bytes, finder: GuideFinder) -> bytes:
     r"""Encode a block in the shortest way.
 
     Parameters
     ----------
     text : bytes
         At most 4 MiB; a few times as much memory is taken.
+    finder : GuideFinder
+        Finds what walks tell of the numbers.
 
     Examples
     --------
+    >>> from gpszip.lossless.trails import NO_TRAILS
     >>> text = b"".join(b"%d,%.2f\n" % (i, i / 4) for i in range(1000))
-    >>> data = encode_block(text)
-    >>> len(text), len(data) < 120, decode_block(Cursor(data), len(text)) == text
+    >>> data = encode_block(text, GuideFinder(NO_TRAILS))
+    >>> len(text), len(data) < 120, decode_block(Cursor(data), len(text), NO_TRAILS) == text
     (10450, True, True)
     """
     candidates = [bytes([_STORED]) + text]
-    tables = _encode_tables(text)
+    tables = _encode_tables(text, finder)
     # LZMA takes long, and beats tables of numbers only where there are few.
     if tables is None or len(tables) > len(text) // 8:
         candidates.append(bytes([_LZMA]) + pack_lzma(text))
     if tables is not None:
-        candidates.append(bytes([_TABLES]) + tables)
+        candidates.append(bytes([_GUIDED_TABLES]) + tables)
     return min(candidates, key=len)
 
 
-def decode_block(cursor: Cursor, size: int) -> bytes:
+def decode_block(cursor: Cursor, size: int, trails: Trails | None = None) -> bytes:
     """Undo :func:`encode_block`; the rest of the cursor's bytes are the block.
 
     Raises
@@ -125,7 +131,9 @@ def decode_block(cursor: Cursor, size: int) -> bytes:
         raise cursor.error(f"a block of {size} bytes; at most {MAX_BLOCK_BYTES} are allowed")
     method = cursor.read_byte("a block's method")
     if method == _TABLES:
-        text = _decode_tables(cursor, size)
+        text = _decode_tables(cursor, size, None)
+    elif method == _GUIDED_TABLES and trails is not None:
+        text = _decode_tables(cursor, size, trails)
     elif method == _LZMA:
         text = unpack_lzma(cursor.read_rest(), size, cursor.base + cursor.offset)
     elif method == _STORED:
@@ -137,7 +145,7 @@ def decode_block(cursor: Cursor, size: int) -> bytes:
     return text
 
 
-def _encode_tables(text: bytes) -> bytes | None:
+def _encode_tables(text: bytes, finder: GuideFinder) -> bytes | None:
     """Encode records as tables; None where they are not, or would not come back."""
     if not text or _MARK in text:
         return None
@@ -168,11 +176,12 @@ def _encode_tables(text: bytes) -> bytes | None:
             parts.append(encode_notation(notation))
             notations.append(notation)
             columns.append(column)
-        parts.append(encode_table(columns, [notation.decimals for notation in notations]))
+        decimals = [notation.decimals for notation in notations]
+        parts.append(encode_table(columns, decimals, finder))
     return b"".join(parts)
 
 
-def _decode_tables(cursor: Cursor, size: int) -> bytes:
+def _decode_tables(cursor: Cursor, size: int, trails: Trails | None) -> bytes:
     """Undo :func:`_encode_tables`."""
     # Shapes. Each record takes a byte of text at least.
     count = cursor.read_varint("the number of records")
@@ -199,7 +208,7 @@ def _decode_tables(cursor: Cursor, size: int) -> bytes:
     for places in _tables(kinds, record_shapes):
         rows, fields = places.shape
         notations = [decode_notation(cursor, rows) for _ in range(fields)]
-        columns = decode_table(cursor, rows, fields)
+        columns = decode_table(cursor, rows, fields, trails)
         for i, (notation, column) in enumerate(zip(notations, columns, strict=True)):
             place = places[:, i]
             written = notation.apply(column)

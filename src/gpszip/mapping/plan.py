@@ -57,6 +57,11 @@ class Plan:
     encode_alternate_rounds : bool, default False
         Encode the walks only every other round before the last few, concurrently with the next
         round. Prices then lag behind by one round.
+    used_up : float, default 0.992
+        Share of the target from which on an outcome's error uses it up.
+    many_knots : int, optional
+        Knots from which on an outcome that uses up the error ends the rounds before their number is
+        reached.
     tolerance : float, default 1
         Error, in targets, up to which an outcome counts. Above 1, outcomes are compared by the
         sizes that they would have at the target.
@@ -88,6 +93,8 @@ class Plan:
     give_up_ratio: float = np.inf
     beam: float = np.inf
     encode_alternate_rounds: bool = False
+    used_up: float = 0.992
+    many_knots: int | None = None
     tolerance: float = 1.0
     maximum: float | None = None
     max_error_rounds: int = 4

@@ -73,8 +73,6 @@ _AIM = 0.995
 _SLACK = 0.99
 #: The same where rounds follow until the error allowed is used up.
 _SMALL_SLACK = 0.998
-#: Share of the error allowed from which on it counts as used up.
-_USED_UP = 0.992
 #: Share of the last round's error above which the error hardly falls.
 _STUCK = 0.98
 
@@ -257,16 +255,17 @@ def fit(
     # Start from private chains, with near knots clustered, unless there is a start.
     current_grid = time_grid if sparse_grid is None else sparse_grid
     is_cold = start is None
+    start = start or _start_cold(current_grid, plan, prior, executor)
     if start is None:
-        start = _start_cold(current_grid, plan, prior, executor)
+        return None
     slot_nodes, positions, prices = start
 
     # Run the rounds: the last few on all slots, and extra ones while allowed error is left.
     best = _BestOutcome(plan, prior)
-    control = _PriceControl(plan, prices.error, _choose_slack(plan, sparse_grid))
+    control = _PriceControl(plan, prices.error, _choose_slack(plan, sparse_grid), is_cold)
     weights = np.ones(len(time_grid.times))
     for turn in range(plan.rounds + plan.extra_rounds):
-        if turn >= plan.rounds and (control.is_near() or best.is_enough(turn)):
+        if (turn >= plan.rounds and control.is_near()) or best.is_enough(turn):
             break
         if sparse_grid is not None and turn >= plan.rounds - plan.dense_rounds:
             slot_nodes, current_grid = _restore_slots(
@@ -306,7 +305,7 @@ def fit(
         # Let weights and prices follow the errors.
         if plan.maximum is not None:
             weights = _reweigh(weights, errors, plan.maximum)
-        if turn >= is_cold and not control.follow(outcome):
+        if not control.follow(outcome, turn):
             return None
         if turn % _KICK_EVERY == _KICK_EVERY - 1 and turn + _KICK_EVERY < plan.rounds:
             control.kick()
@@ -364,15 +363,29 @@ class _BestOutcome:
         return _run_concurrently(local_executor(executor), self.encode, work)
 
     def is_enough(self, turn: int) -> bool:
-        """Whether the best outcome uses up the error allowed, or was sought for long enough."""
+        """Whether the best outcome uses up the error allowed, or was sought for long enough.
+
+        Before the last of the rounds planned, only one of many knots does.
+        """
+        if turn < self.plan.rounds:
+            return self._has_many_knots() and self.is_used_up()
         if self.plan.enough_rounds is not None and turn >= self.plan.enough_rounds:
             self.encode()
             return self.outcome is not None
         return self.is_used_up()
 
+    def _has_many_knots(self) -> bool:
+        """Whether the best outcome, or the one that waits, has many knots."""
+        outcome = self.outcome if self.waiting is None else self.waiting[0]
+        return (
+            self.plan.many_knots is not None
+            and outcome is not None
+            and sum(len(walk.nodes) for walk in outcome.walks.walks) >= self.plan.many_knots
+        )
+
     def is_used_up(self) -> bool:
         """Whether the best outcome uses up the error allowed."""
-        enough = _USED_UP * self.plan.target
+        enough = self.plan.used_up * self.plan.target
         best_error = self.outcome.error if self.outcome else 0.0
         if self.waiting is not None and max(self.waiting[0].error, best_error) > enough:
             self.encode()
@@ -389,6 +402,7 @@ class _PriceControl:
     plan: Plan
     price: float
     slack: float
+    is_cold: bool
     rise_power: float = _PRICE_POWER
     fall_power: float = _PRICE_POWER
     last_error: float = np.inf
@@ -404,14 +418,20 @@ class _PriceControl:
             and outcome.error > _STUCK * self.last_error
         )
 
-    def follow(self, outcome: Outcome) -> bool:
+    def follow(self, outcome: Outcome, turn: int) -> bool:
         """Raise the price if the error is too large, and lower it if it is too small.
+
+        The first walks of a cold start tell little.
 
         Returns
         -------
         bool
             Whether there is hope that the target is met.
         """
+        if self.is_cold and turn == 0:
+            return True
+
+        # Let the price change the harder the longer the error stays on one side.
         if self._is_hopeless(outcome):
             return False
         excess = _find_excess(outcome, self.plan)
@@ -597,7 +617,7 @@ def _reweigh(
 
 def _start_from_private_chains(
     time_grid: TimeGrid, plan: Plan, executor: Executor | None
-) -> tuple[NDArray[np.int64], NDArray[np.float64], float]:
+) -> tuple[NDArray[np.int64], NDArray[np.float64], float, float]:
     """Give every piece the cheapest chain by itself, at a price that meets the target.
 
     Returns
@@ -608,6 +628,8 @@ def _start_from_private_chains(
         The nodes, in grid steps.
     price : float
         Bits for a squared error.
+    error : float
+        Root mean square error in grid steps.
     """
     # At the first price, a squared error at the target costs a set number of bits per slot.
     price = _BITS_PER_SLOT * len(time_grid.time_steps) / (time_grid.samples * plan.target**2)
@@ -651,14 +673,19 @@ def _start_from_private_chains(
         if 1 - _CHAIN_TOLERANCE < miss < 1 + _CHAIN_TOLERANCE:
             break
         price *= min(max(miss**_CHAIN_POWER, 0.02), 50.0)
-    return slot_nodes, positions, price
+    return slot_nodes, positions, price, float(error)
 
 
 def _start_cold(
     time_grid: TimeGrid, plan: Plan, prior: Prior | None, executor: Executor | None
-) -> Start:
-    """Start from private chains, with near knots clustered, and guesses of the prices."""
-    slot_nodes, positions, price = _start_from_private_chains(time_grid, plan, executor)
+) -> Start | None:
+    """Start from private chains, with near knots clustered, and guesses of the prices.
+
+    None where no price brings these near the target: the steps of the grid are too coarse for it.
+    """
+    slot_nodes, positions, price, error = _start_from_private_chains(time_grid, plan, executor)
+    if error > plan.give_up_ratio * plan.target:
+        return None
     slot_nodes, positions = _cluster_knots(time_grid, slot_nodes, positions, plan, prior)
     return Start(slot_nodes, positions, estimate_prices(None, price, len(positions), plan.beam))
 

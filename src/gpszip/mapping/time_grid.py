@@ -47,6 +47,13 @@ _MAX_SPARSE_SHARE = 0.7
 #: Time steps by which a sample may be off a whole step and still lie on it.
 _TIME_TOLERANCE = 1e-6
 
+#: The same in seconds: samples are rounded to microseconds, and a track that continues a walk
+#: begins at its last knot.
+_TIME_ROUNDING = 1e-6
+
+#: The same in time steps at most, for steps of microseconds.
+_MAX_TIME_TOLERANCE = 0.25
+
 #: Samples near a slot from which on their mean is its position.
 _MIN_SMOOTHED = 3
 
@@ -147,7 +154,10 @@ def build_time_grid(
     """
     # Express samples in steps of the grid, and find the pieces.
     track_times = [_in_time_steps(track, grid) for track in tracks]
-    track_pieces = [_find_pieces(t, gap) for t, gap in zip(track_times, gaps, strict=True)]
+    tolerance = _time_tolerance(grid)
+    track_pieces = [
+        _find_pieces(t, gap, tolerance) for t, gap in zip(track_times, gaps, strict=True)
+    ]
     positions = np.concatenate([_in_grid_steps(track, grid) for track in tracks])
     offsets = np.cumsum([0] + [len(t) for t in track_times])
     times = np.concatenate(track_times)
@@ -204,7 +214,7 @@ def count_slots(
         times = _in_time_steps(track, grid)
         count += sum(
             len(_list_time_steps(times[piece.first : piece.after], piece, False))
-            for piece in _find_pieces(times, gap)
+            for piece in _find_pieces(times, gap, _time_tolerance(grid))
         )
     return count
 
@@ -327,13 +337,21 @@ def _in_grid_steps(track: Track, grid: QuantisationGrid) -> NDArray[np.float64]:
     return np.asarray(metres / step_size(grid.space))
 
 
-def _find_pieces(times: NDArray[np.float64], gap: NDArray[np.bool_]) -> list[_Piece]:
+def _time_tolerance(grid: QuantisationGrid) -> float:
+    """Time steps by which a sample may be off a whole step and still lie on it."""
+    rounding = _TIME_ROUNDING / step_size(grid.time)
+    return min(max(_TIME_TOLERANCE, rounding), _MAX_TIME_TOLERANCE)
+
+
+def _find_pieces(
+    times: NDArray[np.float64], gap: NDArray[np.bool_], tolerance: float
+) -> list[_Piece]:
     """Pieces between gaps; a gap that does not contain a whole time step is none."""
     pieces: list[_Piece] = []
     bounds = np.concatenate([[0], np.flatnonzero(gap) + 1, [len(times)]])
     for first, after in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
-        first_step = int(np.floor(times[first] + _TIME_TOLERANCE))
-        last_step = max(int(np.ceil(times[after - 1] - _TIME_TOLERANCE)), first_step + 1)
+        first_step = int(np.floor(times[first] + tolerance))
+        last_step = max(int(np.ceil(times[after - 1] - tolerance)), first_step + 1)
         if pieces and first_step <= pieces[-1].last_step:
             before = pieces.pop()
             pieces.append(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -74,7 +75,8 @@ class Report:
     notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
+        maximum = "" if math.isinf(self.max_error) else f"maximum {self.max_error:.3g} m, "
         return (
             f"Report({self.points:,} points to {self.bytes_out:,} bytes, RMSE {self.rmse:.3g} m, "
-            f"maximum {self.max_error:.3g} m, {self.seconds:.3g} s)"
+            f"{maximum}{self.seconds:.3g} s)"
         )

@@ -32,6 +32,9 @@ class Anomaly:
     edges : tuple of (int, bool)
         Edges of the archive's map, and whether each was travelled from its start to its end; empty
         off the map.
+    coded_bits : float
+        What the archive's own coder takes to write the steps of the path from start to end; NaN
+        where that was not asked for, and for an absence.
     """
 
     track: str
@@ -42,6 +45,7 @@ class Anomaly:
     reason: str
     position: tuple[float, ...]
     edges: tuple[tuple[int, bool], ...] = ()
+    coded_bits: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,9 @@ class UnusualTrip:
         What is the most unusual of it, for people.
     anomalies : tuple of Anomaly
         Its unusual parts, those that add most to the score first.
+    coded_bits : float
+        What the archive's own coder takes to write the steps of its path; NaN where that was not
+        asked for.
     """
 
     track: str
@@ -68,6 +75,7 @@ class UnusualTrip:
     score: float
     reason: str
     anomalies: tuple[Anomaly, ...]
+    coded_bits: float = float("nan")
 
 
 @dataclass(frozen=True, repr=False)

@@ -29,6 +29,7 @@ from gpszip.model.read_result import ReadResult
 from gpszip.pipeline.bounds import holds, requested_bound
 from gpszip.pipeline.compress import off_map_notes, report_on, within_bound
 from gpszip.pipeline.continue_tracks import piece_time_ranges_of, ready_to_continue, track_end
+from gpszip.pipeline.exact_logs import without_guides
 from gpszip.pipeline.job import Job, on_tracks, prepare
 from gpszip.pipeline.kept_columns import extended_sections
 from gpszip.pipeline.kept_curves import curve_notes, extended_curves
@@ -42,8 +43,9 @@ from gpszip.walks.shapes import with_synthetic_times
 __all__ = ["append", "completed_options"]
 
 #: Shares of the bound that are tried: where a track is continued, the end of the older walk stays
-#: as it is, with whatever error it has.
-_SHARES = (1.0, 0.97, 0.9, 0.75)
+#: as it is, with whatever error it has. Beside one or two new samples, the knot at that end is a
+#: large part of what is learned from, and has no error: then only small shares help.
+_SHARES = (1.0, 0.97, 0.9, 0.75, 0.5, 0.3)
 
 #: How often the time step of an archive is halved at most, so that the bound can be held.
 _MAX_REFINEMENTS = 4
@@ -107,7 +109,8 @@ def append(
     # Take the time of the whole call, for the report.
     start = time.perf_counter()
 
-    # What the archive states and keeps goes on.
+    # What the archive states and keeps goes on; walks that change must not predict its logs.
+    archive = without_guides(archive)
     options = completed_options(options or Options(), archive)
     log = on_plane_of(archive, as_log(tracks), options)
     _check_times(archive, log)
@@ -127,10 +130,10 @@ def append(
     # up to the next one may be far from the new samples: then smaller steps help.
     sample = with_synthetic_times(job.sample, job.gaps)
     time_step = suggest_time_step(sample, job.gaps, archive.grid.space)
-    starts = _starts(archive, log)
+    spans = _spans(archive, log)
     tried = None
     for refinements in range(_MAX_REFINEMENTS + 1):
-        ready = ready_to_continue(archive, starts, time_step, refinements)
+        ready = ready_to_continue(archive, spans, time_step, refinements)
         if tried is not None and ready.grid == tried.grid:
             break
         tried = ready
@@ -220,12 +223,16 @@ def _check_times(archive: Archive, log: Log) -> None:
             )
 
 
-def _starts(archive: Archive, log: Log) -> dict[str, float]:
-    """Time of the first new sample of each track that the archive has."""
+def _spans(archive: Archive, log: Log) -> dict[str, tuple[float, float]]:
+    """Times of the first and last new sample of each track that the archive has."""
+    known = set(archive.ids)
     return {
-        track.id: float(log.read(track, 0, 1).times[0])
+        track.id: (
+            float(log.read(track, 0, 1).times[0]),
+            float(log.read(track, len(track) - 1, len(track)).times[0]),
+        )
         for track in log.tracks
-        if track.timed and track.id in archive.ids
+        if track.timed and track.id in known
     }
 
 

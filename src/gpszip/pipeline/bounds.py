@@ -30,6 +30,10 @@ __all__ = [
 #: nothing about the worst sample.
 _MAX_ERROR_PER_RMSE = 4.0
 
+#: RMSE that is estimated for a log that is kept exactly, too, as a multiple of the one otherwise.
+#: Walks and log together then take fewer bytes; the log itself tells where its worst samples are.
+_EXACT_FACTOR = 2.0
+
 #: Relative excess up to which a bound counts as held: the rounding of the measurement itself.
 _ROUNDING = 1e-9
 
@@ -39,6 +43,8 @@ def with_bound(
     tracks: Sequence[Track],
     gaps: Sequence[NDArray[np.bool_]],
     source: str,
+    *,
+    exact: bool = False,
 ) -> tuple[Options, tuple[str, ...]]:
     """Add a bound estimated from the log where the user gave neither a bound, a size, k nor m.
 
@@ -50,6 +56,9 @@ def with_bound(
         The log, or a subsample of it.
     source : str
         What the tracks are, for the note: ``"the log"``.
+    exact : bool, default False
+        Whether the log is kept exactly, too: then the RMSE is :data:`_EXACT_FACTOR` times as large,
+        and there is no maximum.
 
     Returns
     -------
@@ -63,6 +72,13 @@ def with_bound(
     if options.bounded or options.sized or options.thesis:
         return options, ()
     rmse = suggest_rmse(tracks, gaps)
+    if exact:
+        rmse *= _EXACT_FACTOR
+        note = (
+            f"no bound was given: RMSE {rmse:g} m was estimated from {source}, "
+            f"{_EXACT_FACTOR:g} times as much as without --lossless"
+        )
+        return replace(options, rmse=rmse), (note,)
     maximum = _MAX_ERROR_PER_RMSE * rmse
     note = (
         f"no bound was given: RMSE {rmse:g} m and maximum {maximum:g} m "

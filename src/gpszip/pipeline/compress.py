@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -38,7 +38,10 @@ from gpszip.walks.shapes import drop_time_steps
 if TYPE_CHECKING:
     from gpszip.walks.error import ErrorSummary
 
-__all__ = ["compress", "off_map_notes", "report_on", "within_bound"]
+#: Makes the section of logs that are kept exactly, predicted by the walks of an archive.
+LogKeeper = Callable[[Archive | None], Section]
+
+__all__ = ["LogKeeper", "compress", "off_map_notes", "report_on", "within_bound"]
 
 #: Space steps by which a shape may go on beyond the end of its track.
 _MAX_SHAPE_EXCESS = 2.0
@@ -71,7 +74,7 @@ def compress(
     *,
     memory: int | None = None,
     map: Archive | None = None,
-    extras: Sequence[Section] = (),
+    logs: LogKeeper | None = None,
     executor: Executor | None = None,
     progress: Listener | None = None,
 ) -> tuple[Archive, Report]:
@@ -94,8 +97,9 @@ def compress(
         processes that work for it take no more each.
     map : Archive, optional
         Known map: tracks become walks on it, and only what it lacks is learned.
-    extras : sequence of Section, optional
-        Further sections of the archive, such as logs that are kept exactly.
+    logs : callable, optional
+        Keeps the logs exactly: makes a section of them, of an archive whose walks predict them, or
+        of None. Bounds that are estimated are then twice as large.
     executor : Executor, optional
         Spreads the work, by default over a thread for each core. The archive is the same for
         any number of workers.
@@ -126,14 +130,27 @@ def compress(
     log = as_log(tracks)
     if map is not None:
         log = on_plane_of(map, log, options)
-    job = prepare(log, options, memory=memory, map=map, executor=executor, progress=progress)
-    job = replace(job, extras=(*job.extras, *extras))
+    job = prepare(
+        log,
+        options,
+        memory=memory,
+        map=map,
+        executor=executor,
+        progress=progress,
+        exact=logs is not None,
+    )
+
+    # Logs that no walks predict come first: a size counts them, and walks on a known map need that.
+    if logs is not None and (map is not None or job.options.size is not None):
+        job, logs = replace(job, extras=(*job.extras, logs(None))), None
 
     # Learn and measure until the bound, or the size, is reached.
     if job.options.size is None:
         archive, errors = _finish(job, *within_bound(job))
     else:
         archive, errors = _within_size(job, job.options.size)
+    if logs is not None:
+        archive = with_sections(archive, (logs(archive),))
 
     # Say in the report which tracks have no times, and what lies off the known map.
     notes = job.notes + off_map_notes(archive, map) + _notes_on_times(job)

@@ -19,7 +19,13 @@ from gpszip.model import GridWalk, GridWalks, QuantisationGrid
 from gpszip.model.grid import MAX_REFINEMENTS, step_size
 from gpszip.walks.quantised import knot_times
 
-__all__ = ["piece_time_ranges_of", "ready_to_continue", "track_end"]
+__all__ = [
+    "cut_at_knots",
+    "last_fixed_knot",
+    "piece_time_ranges_of",
+    "ready_to_continue",
+    "track_end",
+]
 
 #: Step sizes from one time step to its half.
 _STEP_SIZES_PER_OCTAVE = 8
@@ -33,7 +39,7 @@ _ROUNDING = 1e-6
 
 
 def ready_to_continue(
-    archive: Archive, starts: Mapping[str, float], time_step: float, further: int = 0
+    archive: Archive, spans: Mapping[str, tuple[float, float]], time_step: float, further: int = 0
 ) -> Archive:
     """Cut walks that end after the start of what continues them.
 
@@ -44,8 +50,8 @@ def ready_to_continue(
     ----------
     archive : Archive
         With times and a map of its own.
-    starts : mapping of str to float
-        Time of the first new sample of each track, in seconds.
+    spans : mapping of str to (float, float)
+        Times of the first and last new sample of each track, in seconds.
     time_step : float
         Seconds that suit the new tracks.
     further : int
@@ -57,12 +63,13 @@ def ready_to_continue(
         The same archive where nothing has to change.
     """
     # Find the refinements that suit the new tracks, and walks that end after they begin.
-    refinements = _refinements(archive.grid, time_step, further)
     late = [
         name
-        for name, start in starts.items()
+        for name, (start, _) in spans.items()
         if name in archive.ids and start < _last_knot_time(archive, name)
     ]
+    space = min((spans[name][1] - track_end(archive, name) for name in late), default=math.inf)
+    refinements = _refinements(archive.grid, time_step, space, further)
     if not late and refinements == 0:
         return archive
 
@@ -95,6 +102,73 @@ def ready_to_continue(
     return with_error_bound(replace(ready, contents=contents), archive.error_bound)
 
 
+def last_fixed_knot(archive: Archive, name: str) -> int | None:
+    """Number of the knot from which on a walk is to be learned anew where its track goes on.
+
+    That is the last knot but one: the walk arrives there, whatever comes later. A knot after which
+    a piece begins would be a piece of its own, so that the one before the gap is taken.
+
+    Returns
+    -------
+    int or None
+        None where the whole walk is to be learned anew.
+    """
+    walk = archive.grid_walks.walks[archive.ids.index(name)]
+    knot = len(walk.nodes) - 2
+    while knot > 0 and walk.gaps[knot - 1]:
+        knot -= 1
+    return knot if knot > 0 else None
+
+
+def cut_at_knots(archive: Archive, knots: Mapping[str, int | None]) -> Archive | None:
+    """Let walks end at some of their knots, or leave them out.
+
+    Parameters
+    ----------
+    archive : Archive
+        With times and a map of its own.
+    knots : mapping of str to int or None
+        Number of the last knot that each walk keeps, at least 1; None to leave it out.
+
+    Returns
+    -------
+    Archive or None
+        Without nodes that no walk visits any more. None where no walk is left.
+    """
+    # Cut the walks, and the times at which their pieces begin and end.
+    known, ids, walks, ranges = archive.grid_walks, [], [], []
+    for name, walk, pieces in zip(
+        archive.ids, known.walks, piece_time_ranges_of(archive), strict=True
+    ):
+        last = knots.get(name, len(walk.nodes) - 1)
+        if last is None:
+            continue
+        kept = pieces[: int(walk.gaps[:last].sum()) + 1].copy()
+        end = knot_times(walk.time_steps[last : last + 1], archive.grid)
+        kept[-1:, 1] = np.minimum(kept[-1:, 1], end)
+        ids.append(name)
+        walks.append(
+            GridWalk(walk.nodes[: last + 1], walk.time_steps[: last + 1], walk.gaps[:last])
+        )
+        ranges.append(kept)
+    if not walks:
+        return None
+
+    # Code them anew; all else stays what it is.
+    untimed = frozenset(ids.index(name) for name in archive.untimed)
+    cut = new_archive(
+        archive.grid,
+        ids,
+        number_by_visit(GridWalks(known.nodes, tuple(walks), untimed=untimed)),
+        layer=archive.contents.layer,
+        extras=archive.contents.extras,
+        time_ranges=ranges,
+        is_draft=True,
+    )
+    contents = replace(cut.contents, sampling=archive.contents.sampling)
+    return with_error_bound(replace(cut, contents=contents), archive.error_bound)
+
+
 def piece_time_ranges_of(archive: Archive) -> list[NDArray[np.float64]]:
     """Seconds at which each piece of each track begins and ends, shape (pieces, 2)."""
     ranges = []
@@ -124,15 +198,20 @@ def _last_knot_time(archive: Archive, name: str) -> float:
     return float(knot_times(time_steps[-1:], archive.grid)[0])
 
 
-def _refinements(grid: QuantisationGrid, time_step: float, further: int) -> int:
+def _refinements(grid: QuantisationGrid, time_step: float, space: float, further: int) -> int:
     """How often the time step is to be halved.
 
-    An archive on this map may halve it a few times more, so some step sizes are left for that.
+    The seconds from the end of a track to its last new sample, ``space``, have to hold a time step:
+    the walk is cut there, and goes on to that sample. An archive on this map may halve the step a
+    few times more, so some step sizes are left for that.
     """
-    step = step_size(grid.time)
-    suits = step <= _TOO_COARSE * time_step
-    wanted = further if suits else math.ceil(math.log2(step / time_step)) + further
-    return max(min(wanted, grid.time // _STEP_SIZES_PER_OCTAVE - MAX_REFINEMENTS), 0)
+    step, wanted = step_size(grid.time), 0
+    if step > _TOO_COARSE * time_step:
+        wanted = math.ceil(math.log2(step / time_step))
+    if 0 < space <= step:
+        wanted = max(wanted, math.floor(math.log2(step / space)) + 1)
+    most = grid.time // _STEP_SIZES_PER_OCTAVE - MAX_REFINEMENTS
+    return max(min(wanted + further, most), 0)
 
 
 def _end_step(archive: Archive, name: str, grid: QuantisationGrid) -> int:

@@ -90,6 +90,7 @@ def estimate(
     memory: int | None = None,
     map: Archive | None = None,
     extended: Archive | None = None,
+    exact: bool = False,
 ) -> Estimate:
     """Estimate the size of an archive, and the CPU time that it takes to make.
 
@@ -114,6 +115,8 @@ def estimate(
         Known map.
     extended : Archive, optional
         Archive to which the log would be appended; its bytes count, too.
+    exact : bool, default False
+        Whether the log would be kept exactly, too; these bytes don't count, but the bound differs.
 
     Raises
     ------
@@ -134,7 +137,7 @@ def estimate(
     """
     # The bound, the gaps and the kept columns are those of the whole log.
     start = time.process_time()
-    job = _prepare(as_log(log), options or Options(), memory, map, extended)
+    job = _prepare(as_log(log), options or Options(), memory, map, extended, exact=exact)
     preparing = time.process_time() - start
 
     # Without a bound on the error there is nothing to compress a part for.
@@ -207,6 +210,8 @@ def _prepare(
     memory: int | None,
     map: Archive | None,
     extended: Archive | None,
+    *,
+    exact: bool,
 ) -> Job:
     """Find bound, gaps and kept columns of a log, as compressing or appending it does."""
     # On a map, and in an archive, positions are on its plane.
@@ -214,7 +219,7 @@ def _prepare(
     if base is not None:
         log = on_plane_of(base, log, options)
     if extended is None:
-        return prepare(log, options, memory=memory, map=map, executor=Threads())
+        return prepare(log, options, memory=memory, map=map, executor=Threads(), exact=exact)
 
     # An archive to append to states a bound, and its columns grow.
     options = completed_options(options, extended)

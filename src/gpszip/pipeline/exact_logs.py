@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path, PurePath
 
 from gpszip.archive import Archive
-from gpszip.archive.exact import find_exact_logs
+from gpszip.archive.exact import find_exact_logs, find_trails
 from gpszip.container.contents import Section
-from gpszip.container.layout import SectionKind
+from gpszip.container.layout import EXACT_KINDS, SectionKind
 from gpszip.errors import InputError, OptionError
 from gpszip.files.atomic_write import atomic_write_all
 from gpszip.files.os_errors import as_output_error
@@ -18,16 +19,19 @@ from gpszip.io.storage.expansion import read_chunk
 from gpszip.io.storage.sink import open_sink
 from gpszip.io.storage.source import Source
 from gpszip.lossless.logs import ExactLogs, write_exact_logs
+from gpszip.lossless.trails import NO_TRAILS
 from gpszip.pipeline.spooled_section import spooled_section
 
 __all__ = [
     "check_exact",
+    "check_keepable",
     "check_removable",
     "exact_logs",
     "exact_name",
     "exact_section",
     "find_log",
     "remove_sources",
+    "without_guides",
     "write_logs",
 ]
 
@@ -38,13 +42,35 @@ _CHUNK_BYTES = 1 << 20
 _MAX_SHOWN = 60
 
 
-def exact_section(sources: Sequence[Source | InputError]) -> Section:
+def exact_section(
+    sources: Sequence[Source | InputError], archive: Archive | None = None
+) -> Section:
     """Store logs byte by byte.
 
     Parameters
     ----------
     sources : sequence of Source
         The logs; gzip files are stored unpacked.
+    archive : Archive, optional
+        Whose walks predict the logs; to read the section takes the same walks.
+
+    Raises
+    ------
+    InputError
+        If a log can't be read: nothing of it could be kept.
+    OptionError
+        If two logs have the same name.
+    """
+    readable = check_keepable(sources)
+    names = [exact_name(source) for source in readable]
+    logs = [(name, partial(_chunks, source)) for name, source in zip(names, readable, strict=True)]
+    trails = NO_TRAILS if archive is None else find_trails(archive)
+    write = partial(write_exact_logs, logs, trails=trails)
+    return spooled_section(SectionKind.GUIDED_LOGS, write)
+
+
+def check_keepable(sources: Sequence[Source | InputError]) -> list[Source]:
+    """Refuse logs that can't be kept exactly; return all others.
 
     Raises
     ------
@@ -65,8 +91,19 @@ def exact_section(sources: Sequence[Source | InputError]) -> Section:
             f"--lossless: two logs are named {twice!r}",
             remedy="rename one, or make an archive for each folder",
         )
-    logs = [(name, partial(_chunks, source)) for name, source in zip(names, readable, strict=True)]
-    return spooled_section(SectionKind.EXACT_LOGS, partial(write_exact_logs, logs))
+    return readable
+
+
+def without_guides(archive: Archive) -> Archive:
+    """Return the archive with logs that need no walks, so that these may change."""
+    logs = find_exact_logs(archive)
+    if logs is None or not logs.is_guided:
+        return archive
+    kept = [(log.name, partial(logs.read, number)) for number, log in enumerate(logs.logs)]
+    section = spooled_section(SectionKind.GUIDED_LOGS, partial(write_exact_logs, kept))
+    extras = [each for each in archive.contents.extras if each.kind not in EXACT_KINDS]
+    contents = replace(archive.contents, extras=(*extras, section))
+    return replace(archive, contents=contents)
 
 
 def exact_name(source: Source) -> str:
@@ -88,7 +125,7 @@ def exact_logs(archive: Archive) -> ExactLogs:
     OptionError
         If it keeps none.
     """
-    logs = find_exact_logs(archive.contents)
+    logs = find_exact_logs(archive)
     if logs is None:
         raise OptionError(
             "the archive keeps no log exactly", remedy="compress the log with --lossless"

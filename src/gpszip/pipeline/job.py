@@ -144,6 +144,7 @@ def prepare(
     map: Archive | None = None,
     executor: Executor | None = None,
     progress: Listener | None = None,
+    exact: bool = False,
 ) -> Job:
     """Find gaps, sampling and bound of a log, and choose what a map is learned from.
 
@@ -159,6 +160,8 @@ def prepare(
         Known map.
     executor, progress : optional
         As for :func:`gpszip.pipeline.compress.compress`.
+    exact : bool, default False
+        Whether the log is kept exactly, too.
 
     Raises
     ------
@@ -182,7 +185,8 @@ def prepare(
     # The bound, and the columns.
     curves, curve_notes = curve_sections(log, options, memory)
     options = size_in_bytes(options, _bytes_of(log))
-    options, notes = with_bound(options, sample, gaps, "the log" if in_memory else "a subsample")
+    source = "the log" if in_memory else "a subsample"
+    options, notes = with_bound(options, sample, gaps, source, exact=exact)
 
     # Batches and workers that fit the memory.
     batch = None if in_memory else batch_samples(memory)

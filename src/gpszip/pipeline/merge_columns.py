@@ -11,7 +11,7 @@ from gpszip.archive.exact import find_kept
 from gpszip.archive.joined_curves import join_curves
 from gpszip.container.attributes import KeptColumns, encode_attributes
 from gpszip.container.contents import Section
-from gpszip.container.layout import SectionKind
+from gpszip.container.layout import EXACT_KINDS
 from gpszip.errors import OptionError
 from gpszip.lossless.kept import read_kept, smaller_section
 from gpszip.pipeline.merge_sources import MergeSource
@@ -120,7 +120,7 @@ def merge_curves(
 def _notes_on_exact_logs(sources: Sequence[MergeSource]) -> tuple[str, ...]:
     """Say that logs kept byte by byte stay in the archives that are merged."""
     extras = [extra for source in sources for extra in source.archive.contents.extras]
-    if all(extra.kind != SectionKind.EXACT_LOGS for extra in extras):
+    if all(extra.kind not in EXACT_KINDS for extra in extras):
         return ()
     return ("logs kept exactly are not merged: keep the archives that hold them",)
 

@@ -29,6 +29,7 @@ def predict(
     *,
     edges: int = 5,
     destinations: int = 3,
+    timezone: str | None = None,
 ) -> tuple[tuple[Outlook, ...], Network]:
     """Predict where each track goes on; see ``gpszip predict``.
 
@@ -42,6 +43,8 @@ def predict(
         Edges of the routes that are predicted.
     destinations : int, default 3
         Destinations of each.
+    timezone : str, optional
+        Time zone of the hours of the day; by default that of the place, else UTC.
 
     Returns
     -------
@@ -57,7 +60,7 @@ def predict(
     """
     # What is known, and the traversals of the log on the same edges.
     history = read_history(archive)
-    predictor = Predictor(history)
+    predictor = Predictor(history, timezone=timezone)
     rows = history.traversals
     if tracks is not None:
         network = network_for(tracks, archive)

@@ -197,10 +197,12 @@ def _segment_mean() -> None:
 
 def _keep_logs() -> None:
     from gpszip.container.layout import Cursor
+    from gpszip.lossless.guide_search import GuideFinder
     from gpszip.lossless.text import decode_block, encode_block
+    from gpszip.lossless.trails import NO_TRAILS
 
     text = b"".join(b"%d,%d\n" % (i, i * i % 7) for i in range(9))
-    decode_block(Cursor(encode_block(text)), len(text))
+    decode_block(Cursor(encode_block(text, GuideFinder(NO_TRAILS))), len(text), NO_TRAILS)
 
 
 #: What calls all kernels, the longest first.

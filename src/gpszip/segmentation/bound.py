@@ -21,6 +21,11 @@ __all__ = ["Report", "segment_mean_within", "shortest_mean_within"]
 #: segments suffice.
 _MULTIPLES = (1.0, 1.15, 1.3, 1.6, 2.0, 2.5, 3.0)
 
+#: A search for k with a given m ends once k is this many times the one with the least error: more
+#: intervals do not help then. On a patrol of 72,273 samples, 40 segments have their least RMSE,
+#: 0.69 m, with about 300 intervals, and 0.72 m with 4,000.
+_PATIENCE = 4
+
 #: Told the share of a search that is done.
 Report = Callable[[float], None]
 
@@ -64,8 +69,8 @@ def segment_mean_within(
     OptionError
         If no bound is given, or one is not positive, or k or m is out of range.
     BoundError
-        If no number that was tried meets the bound, up to one interval for each sample, or one
-        segment for each of k intervals.
+        If no number that was tried meets the bound: up to one interval for each sample, or with m
+        as long as more intervals lower the error; up to one segment for each of k intervals.
 
     Examples
     --------
@@ -85,10 +90,10 @@ def segment_mean_within(
         return _fewest_segments(problem, k)
     segments = m if isinstance(m, int) else max(1, round(m * k))
     mean = problem.solve(k, segments)
-    if mean is None:
+    if problem.excess(mean) > 1:
         raise BoundError(
             f"track {problem.track.id!r}: {k} intervals of {segments} segments don't keep the "
-            "bound",
+            f"bound; they have {problem.describe(mean)}",
             remedy="leave out k or m, or allow a larger error",
         )
     return mean
@@ -135,8 +140,8 @@ def shortest_mean_within(
     # The fewest segments for that k and for more.
     for done, k in enumerate(ks, 1):
         tell(done / (1 + len(ks)))
-        mean = _fewest_segments_or_none(problem, k)
-        if mean is not None:
+        mean = _find_least(problem, partial(problem.solve, k), 1, k)
+        if problem.excess(mean) <= 1:
             best = min(best, mean, key=_count_numbers)
     return best
 
@@ -170,74 +175,106 @@ class _BoundedProblem:
         """Number of runs, the least k."""
         return len(self.problem.begins)
 
-    def solve(self, k: int, m: int) -> SegmentMean | None:
-        """Return the segment mean with k intervals and m segments, or None beyond a bound."""
-        mean = self.problem.solve(k, m, executor=self.executor)
-        if self.rmse is not None and self.problem.rmse(mean) > self.rmse:
-            return None
-        if self.max_error is not None and self.problem.max_error(mean) > self.max_error:
-            return None
-        return mean
+    def solve(self, k: int, m: int) -> SegmentMean:
+        """Return the segment mean with k intervals and m segments."""
+        return self.problem.solve(k, m, executor=self.executor)
+
+    def excess(self, mean: SegmentMean) -> float:
+        """Errors of a segment mean as a multiple of their bounds; above 1 beyond one of them."""
+        ratios = [0.0]
+        if self.rmse is not None:
+            ratios.append(self.problem.rmse(mean) / self.rmse)
+        if self.max_error is not None:
+            ratios.append(self.problem.max_error(mean) / self.max_error)
+        return max(ratios)
+
+    def describe(self, mean: SegmentMean) -> str:
+        """Name the errors that are bounded, in metres."""
+        errors = []
+        if self.rmse is not None:
+            errors.append(f"an RMSE of {self.problem.rmse(mean):.3g} m")
+        if self.max_error is not None:
+            errors.append(f"a maximum of {self.problem.max_error(mean):.3g} m")
+        return " and ".join(errors)
 
 
 def _fewest_intervals(problem: _BoundedProblem, m: int | float | None) -> SegmentMean:
     """Return the segment mean with the least k that meets the bound."""
 
-    def solve(k: int) -> SegmentMean | None:
+    def solve(k: int) -> SegmentMean:
         if m is None:
             return problem.solve(k, k)
         return problem.solve(k, m if isinstance(m, int) else max(1, round(m * k)))
 
     # With m fixed, to double k could pass over all that fit.
     least = max(problem.runs, m if isinstance(m, int) else 1)
-    mean = _find_least(solve, least, problem.most, slowly=isinstance(m, int))
-    if mean is None:
+    found = _find_least(problem, solve, least, problem.most, slowly=isinstance(m, int))
+    if problem.excess(found) <= 1:
+        return found
+    if m is None:
         raise BoundError(
             f"track {problem.track.id!r}: no number of intervals up to {problem.most} keeps "
-            "the bound; allow more segments or a larger error"
+            "the bound; allow a larger error"
         )
-    return mean
+    raise BoundError(
+        f"track {problem.track.id!r}: no number of intervals of {found.m} segments keeps the "
+        f"bound; {found.k} have {problem.describe(found)}",
+        remedy="allow more segments (m), or a larger error",
+    )
 
 
 def _fewest_segments(problem: _BoundedProblem, k: int) -> SegmentMean:
     """Return the segment mean with k intervals and the least m that meets the bound."""
-    mean = _fewest_segments_or_none(problem, k)
-    if mean is None:
-        raise BoundError(
-            f"track {problem.track.id!r}: {k} intervals don't keep the bound with any number of "
-            "segments; allow more intervals or a larger error"
-        )
-    return mean
+    found = _find_least(problem, partial(problem.solve, k), 1, k)
+    if problem.excess(found) <= 1:
+        return found
 
-
-def _fewest_segments_or_none(problem: _BoundedProblem, k: int) -> SegmentMean | None:
-    return _find_least(partial(problem.solve, k), 1, k)
+    # Say how many intervals would do, each with a segment of its own.
+    own = problem.solve(k, k)
+    enough = _fewest_intervals(problem, None).k
+    raise BoundError(
+        f"track {problem.track.id!r}: {k} intervals don't keep the bound, whatever the number of "
+        f"segments; with {k} of their own they have {problem.describe(own)}",
+        remedy=f"allow {enough} intervals (k), or a larger error",
+    )
 
 
 def _find_least(
-    solve: Callable[[int], SegmentMean | None], least: int, most: int, *, slowly: bool = False
-) -> SegmentMean | None:
-    """Return the solution for the least number that has one; None if there is none up to most.
+    problem: _BoundedProblem,
+    solve: Callable[[int], SegmentMean],
+    least: int,
+    most: int,
+    *,
+    slowly: bool = False,
+) -> SegmentMean:
+    """Return the solution for the least number that meets the bound, else that of least error.
 
-    Numbers double, or grow by an eighth, until one has a solution; then they are bisected.
+    Numbers double, or grow slowly by an eighth, until one meets it; then they are bisected. Slow
+    growth ends where it doesn't lower the error any more.
     """
-    # A number with a solution; low is the last one without.
+    # A number that meets the bound; low is the last one that doesn't.
     low, high = 0, min(least, most)
-    best = solve(high)
-    while best is None and high < most:
+    best, best_number = solve(high), high
+    excess = least_excess = problem.excess(best)
+    while excess > 1 and high < most and not (slowly and high >= _PATIENCE * best_number):
         growth = max(1, high // 8) if slowly else high
         low, high = high, min(high + growth, most)
-        best = solve(high)
+        mean = solve(high)
+        excess = problem.excess(mean)
+        if excess < least_excess:
+            best, best_number, least_excess = mean, high, excess
+    if least_excess > 1:
+        return best
 
     # Bisection.
     low = max(low, least - 1)
-    while best is not None and high - low > 1:
+    while high - low > 1:
         middle = (low + high) // 2
-        solution = solve(middle)
-        if solution is None:
+        mean = solve(middle)
+        if problem.excess(mean) > 1:
             low = middle
         else:
-            high, best = middle, solution
+            high, best = middle, mean
     return best
 
 

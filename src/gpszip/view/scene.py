@@ -17,6 +17,7 @@ from gpszip.model.timestamps import counts_from_1970
 from gpszip.view.blocks import LARGEST_INTEGER, pack_lines, pack_numbers
 from gpszip.view.facts import archive_facts, bytes_by_part
 from gpszip.view.generator import generator_name
+from gpszip.view.history import show_history
 from gpszip.view.samples import Samples, collect_samples, thin_samples
 from gpszip.view.walk_ends import walks_to_their_ends
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from gpszip.archive import Archive
     from gpszip.model import CleanMap, Network, RoadMap, Track, Walk
     from gpszip.model.match import Matching
+    from gpszip.pipeline.findings import Findings
 
 __all__ = ["MAX_SAMPLES", "ShownArchive", "build_scene", "live_scene", "log_scene", "map_scene"]
 
@@ -66,6 +68,8 @@ class ShownArchive:
         Bytes of the log's files.
     matching : Matching or None
         Routes of the log on a network.
+    findings : Findings or None
+        What its history tells.
     """
 
     archive: Archive
@@ -73,6 +77,7 @@ class ShownArchive:
     tracks: Sequence[Track] = ()
     log_bytes: int | None = None
     matching: Matching | None = None
+    findings: Findings | None = None
 
 
 def build_scene(
@@ -213,6 +218,7 @@ def _empty_entry(name: str, dimension: int) -> dict[str, Any]:
         "raw": None,
         "kept": None,
         "routes": None,
+        "history": None,
     }
 
 
@@ -230,6 +236,7 @@ def _show_archive(shown: ShownArchive, plane: Plane | None, max_samples: int) ->
 
     # Two archives of one place were compressed on planes of their own.
     own = archive.grid.plane
+    move = None
     if own is not None and plane is not None and own != plane:
         move = partial(reproject_positions, own=own, plane=plane, name=shown.name)
         road_map = replace(road_map, nodes=move(road_map.nodes))
@@ -238,6 +245,7 @@ def _show_archive(shown: ShownArchive, plane: Plane | None, max_samples: int) ->
         if samples is not None:
             samples = replace(samples, positions=move(samples.positions))
 
+    found = shown.findings
     return {
         "name": shown.name,
         "facts": archive_facts(archive, samples),
@@ -257,6 +265,7 @@ def _show_archive(shown: ShownArchive, plane: Plane | None, max_samples: int) ->
         "raw": None if samples is None else _show_samples(thin_samples(samples, max_samples), step),
         "kept": _show_kept(archive),
         "routes": None if shown.matching is None else _show_routes(shown.matching, step),
+        "history": None if found is None else show_history(found, archive, move),
     }
 
 

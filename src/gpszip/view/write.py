@@ -16,8 +16,9 @@ from gpszip.view.scene import ShownArchive, build_scene
 
 if TYPE_CHECKING:
     from gpszip.model import Network, Track
+    from gpszip.pipeline.findings import Findings
 
-__all__ = ["check_coordinates_of", "check_count", "write_page"]
+__all__ = ["check_coordinates_of", "check_count", "find_histories", "write_page"]
 
 #: Archives that a page shows side by side.
 _MAX_ARCHIVES = 2
@@ -29,6 +30,8 @@ def write_page(
     *,
     raw: Track | Sequence[Track] = (),
     network: Network | None = None,
+    history: Sequence[str] = (),
+    timezone: str | None = None,
     title: str = "",
     force: bool = False,
 ) -> int:
@@ -46,6 +49,12 @@ def write_page(
         The log that was compressed: the page shows its samples beside the walks, and their errors.
     network : Network, optional
         Roads to show behind everything.
+    history : sequence of str, optional
+        Parts of the history to show: ``trips`` (with stays and places), ``usage``, ``changes``,
+        ``unusual``, ``rounds``, or ``all``.
+    timezone : str, optional
+        Time zone of its hours; by default that of the place, if the package timezonefinder is
+        there, else UTC.
     title : str, optional
         Title of the page; by default the names of the archives.
     force : bool, default False
@@ -59,8 +68,8 @@ def write_page(
     Raises
     ------
     OptionError
-        If there are more archives than two, coordinates of different kinds, or the log is another
-        one than the archives hold.
+        If there are more archives than two, coordinates of different kinds, the log is another one
+        than the archives hold, or there is no such part of a history or time zone.
     OutputError
         If the file exists and ``force`` is not given, or it can't be written.
     """
@@ -70,15 +79,40 @@ def write_page(
     check_coordinates_of(opened)
     tracks, log_bytes = list_tracks(raw), raw.bytes if isinstance(raw, ReadResult) else None
     check_ids(tracks, opened)
+    findings = find_histories(opened, [history] if isinstance(history, str) else history, timezone)
     shown = [
-        ShownArchive(archive, name or "archive", put_on_plane(tracks, archive), log_bytes)
-        for archive, name in zip(opened, names, strict=True)
+        ShownArchive(
+            archive,
+            name or "archive",
+            put_on_plane(tracks, archive),
+            log_bytes,
+            findings=found,
+        )
+        for archive, name, found in zip(opened, names, findings, strict=True)
     ]
     title = title or " and ".join(each.name for each in shown)
 
     # The page.
     with atomic_write(target, force=force) as temporary:
         return temporary.write_bytes(build_page(build_scene(shown, network, title=title)).encode())
+
+
+def find_histories(
+    archives: Sequence[Archive], parts: Sequence[str], timezone: str | None
+) -> list[Findings | None]:
+    """Find what the history of each archive tells; nothing if no parts are asked for.
+
+    Raises
+    ------
+    OptionError
+        If there is no such part or time zone.
+    """
+    if not parts:
+        return [None for _ in archives]
+    from gpszip.pipeline.findings import check_parts, find_all
+
+    chosen = check_parts(parts)
+    return [find_all(archive, chosen, timezone=timezone) for archive in archives]
 
 
 def check_count(archives: int) -> None:

@@ -1,5 +1,6 @@
 """What follows a route: against plain twins, and against what generated buses did."""
 
+import datetime
 import itertools
 import math
 
@@ -327,6 +328,37 @@ def test_destination_follows_from_the_way_travelled():
         assert told[0].node == end
         # Six of six trips, and two in the prior, of which half ended there.
         assert told[0].probability == pytest.approx(7 / 8)
+
+
+def test_hours_are_local_and_times_may_be_dates(known, asked):
+    agent, route, times = asked[0]
+    rows = known.traversals
+    few = History(known.network, rows.take(np.arange(len(rows)) < 400))
+    berlin = Predictor(few, timezone="Europe/Berlin")
+    assert berlin.hours_of(np.array([1_704_099_600.0, math.nan])).tolist() == [10, -1]
+    zone = datetime.timezone(datetime.timedelta(hours=1))
+    same = [
+        np.datetime64("2024-01-01T09:00"),
+        "2024-01-01T09:00:00Z",
+        datetime.datetime(2024, 1, 1, 10, tzinfo=zone),
+        datetime.datetime(2024, 1, 1, 9),
+        1_704_099_600,
+    ]
+    told = [berlin.next(route[:30], time, agent) for time in same]
+    assert told == told[:1] * 5
+    assert berlin.next(route[:30], np.datetime64("NaT")) == berlin.next(route[:30])
+    dates = np.array(times).astype(np.int64).astype("datetime64[s]")
+    assert berlin.surprise(route, dates, agent) == berlin.surprise(route, np.floor(times), agent)
+    node = berlin.destination(route[:20])[0].node
+    arrivals = [
+        berlin.arrival(route[:20], node, when[20], agent, times=when[:20])
+        for when in (np.floor(times), dates)
+    ]
+    assert arrivals[0] == arrivals[1]
+    with pytest.raises(OptionError, match="no time zone"):
+        Predictor(few, timezone="Europe/Atlantis")
+    with pytest.raises(OptionError, match="single time"):
+        berlin.next(route[:30], [1.0, 2.0])
 
 
 def test_times_and_metres_that_are_wrong_are_refused(predictor, asked):

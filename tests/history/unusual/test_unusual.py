@@ -6,6 +6,8 @@ import math
 import numpy as np
 import pytest
 
+from gpszip.history.calendar import Calendar
+from gpszip.history.local_time import find_zone
 from gpszip.history.prediction.exits import list_exits
 from gpszip.history.prediction.sequence_model import Passes, train
 from gpszip.history.traversals import History, Traversals
@@ -18,6 +20,9 @@ from gpszip.history.unusual.usual import learn_paces, learn_stops, pace_groups
 from gpszip.model import Track
 from gpszip.testing import shuttles
 from oracle.histories import exits_of, true_history
+
+#: Hours as in UTC.
+UTC = Calendar(find_zone("UTC"), "UTC", "default")
 
 #: Midnight of the first day of the buses, and their days that are known.
 FIRST_DAY, KNOWN = 1_704_067_200.0, 2
@@ -340,13 +345,19 @@ def test_absences_are_hours_in_which_an_agent_always_travels():
         "a", [later + 6 * 3600, later + 7 * 3600, later + 12 * 3600], [[0, 0], [1, 0], [2, 0]]
     )
     now = traversals(("a",), np.array([later + 7 * 3600.0]))
-    (absence,) = find_absences(traversals(("a",), enter + row), [log], now)
+    (absence,) = find_absences(traversals(("a",), enter + row), [log], now, UTC)
     assert (absence.start, absence.end) == (later + 8 * 3600, later + 9 * 3600)
     assert absence.bits == pytest.approx(math.log2(12))
+    assert absence.reason == "no travel from 8 to 9 h UTC, as on most days"
+    # The same hour in India, half an hour off those of UTC.
+    india = Calendar(find_zone("Asia/Kolkata"), "Asia/Kolkata", "option")
+    (local,) = find_absences(traversals(("a",), enter + row), [log], now, india)
+    assert (local.start, local.end) == (later + 7.5 * 3600, later + 8.5 * 3600)
+    assert local.reason == "no travel from 13 to 14 h Asia/Kolkata, as on most days"
     # Who travelled then is not absent, and of others nothing is known.
     there = traversals(("a",), np.array([later + 8 * 3600.0]))
-    assert not find_absences(traversals(("a",), enter), [log], there)
-    assert not find_absences(traversals(("b",), enter), [log], now)
+    assert not find_absences(traversals(("a",), enter), [log], there, UTC)
+    assert not find_absences(traversals(("b",), enter), [log], now, UTC)
 
 
 def test_samples_far_from_all_roads_are_off_the_map_whatever_they_match(known):

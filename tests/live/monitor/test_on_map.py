@@ -9,10 +9,13 @@ from jsonschema import Draft202012Validator
 import gpszip
 from gpszip import Fix, Monitor
 from gpszip.cli.schemas import EVENT
+from gpszip.history.changes.closures import find_closures
 from gpszip.history.traversals import match_traversals
+from gpszip.live.events import standing
 from gpszip.live.monitor.on_map.known_map import KnownMap
+from gpszip.live.monitor.on_map.watch import MapWatch
 from gpszip.pipeline.match import network_for
-from gpszip.testing import shuttles
+from gpszip.testing import close_road, shuttles
 
 
 def part(track, begin, end):
@@ -35,8 +38,18 @@ def fleet():
     log = shuttles(2, lines=2, days=1, seed=2, blocks=4, period=20.0)
     noon = log.tracks[0].times[0] + 5 * 3600
     archive = gpszip.compress([part(t, 0, noon) for t in log.tracks], rmse=6.0, effort=1)
-    later = [part(track, noon, noon + 7200) for track in log.tracks]
-    return archive, [track for track in later if len(track)]
+    return archive, [part(track, noon, noon + 7200) for track in log.tracks]
+
+
+@pytest.fixture(scope="module")
+def closed():
+    """A road in the middle of the fleet's lines, and the log of the two hours if it is closed."""
+    log = shuttles(2, lines=2, days=1, seed=2, blocks=4, period=20.0)
+    noon = log.tracks[0].times[0] + 5 * 3600
+    road = int(np.argmax(log.road_map.forward + log.road_map.backward))
+    around = close_road(log, road, since=noon + 600)
+    middle = log.road_map.nodes[log.road_map.edges[road]].mean(axis=0)
+    return middle, [part(track, noon, noon + 7200) for track in around.tracks]
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +60,7 @@ def known_map(fleet):
 def monitor_on(known_map, **options):
     """A monitor on a map that was read before."""
     monitor = Monitor(**options)
-    monitor._map = known_map
+    monitor._map, monitor._watch = known_map, MapWatch(known_map)
     return monitor
 
 
@@ -186,11 +199,102 @@ def test_a_slow_drive_is_told_once(fleet, known_map, events):
 
 
 def test_a_monitor_on_a_map_goes_on_where_another_one_was_saved(fleet, known_map):
-    fixes = fixes_of(fleet[1])[:400]
+    fixes = fixes_of(fleet[1])[:240]
     whole, first, second = (monitor_on(known_map) for _ in range(3))
     expected = [event for fix in fixes for event in whole.push(fix)]
-    found = [event for fix in fixes[:200] for event in first.push(fix)]
+    found = [event for fix in fixes[:120] for event in first.push(fix)]
     second.restore(json.loads(json.dumps(list(first.states()))))
-    found += [event for fix in fixes[200:] for event in second.push(fix)]
+    found += [event for fix in fixes[120:] for event in second.push(fix)]
     assert len({event.id for event in found}) == len(found)
     assert {event.id for event in found} == {event.id for event in expected}
+
+
+def test_what_was_saved_on_another_map_is_left(fleet, known_map, road):
+    fixes = fixes_of(fleet[1])[:60]
+    first, second = monitor_on(known_map), monitor_on(road)
+    found = [event for fix in fixes for event in first.push(fix)]
+    assert any(event.kind == "edge.enter" for event in found)
+    second.restore(json.loads(json.dumps(list(first.states()))))
+    head, *agents = second.states()
+    assert head["watch"]["closures"]["passes"] == {}
+    assert [agent["on_map"]["current"] for agent in agents] == [None] * len(agents)
+
+
+def test_a_closed_road_is_told_and_an_open_one_is_not(known_map, closed, events):
+    middle, tracks = closed
+    monitor = monitor_on(known_map)
+    found = [event for fix in fixes_of(tracks) for event in monitor.push(fix)]
+    found = standing(found + monitor.close())
+    alarms = [event for event in found if event.kind == "closed"]
+    assert alarms
+    assert min(np.linalg.norm(np.array(event.position) - middle) for event in alarms) < 150
+    for event in alarms:
+        (suspected,) = (
+            each
+            for each in found
+            if each.kind == "closed.suspected"
+            and (each.edge, each.forward, each.details["since"])
+            == (event.edge, event.forward, event.details["since"])
+        )
+        assert suspected.time <= event.time
+
+    # The batch finds the same.
+    rows, is_live = monitor._watch.closures._rows()
+    batch = find_closures(known_map.network, rows, is_live, monitor._watch.closures._threshold)
+    assert {(event.edge, event.forward, event.time) for event in alarms} == {
+        (edge >> 1, not edge & 1, time)
+        for edge, time in zip(batch.directed.tolist(), batch.detected.tolist(), strict=True)
+    }
+    assert not [event for event in standing(events) if event.kind == "closed"]
+
+
+def test_a_path_off_the_map_is_a_new_edge_the_second_time(fleet, known_map):
+    # From the eastern end of a line, 400 m out of town and back by the same path.
+    positions = fleet[1][0].positions
+    east = 40 + int(positions[40:-40, 0].argmax())
+    out = positions[east] + np.outer(np.linspace(30, 400, 12), [1.0, 0.0])
+    places = [*positions[east - 40 : east + 1], *out, *out[::-1], *positions[east : east + 40]]
+
+    monitor, found = monitor_on(known_map), []
+    for number, agent in enumerate(("ann", "bob", "cat")):
+        for n, place in enumerate(places):
+            time = 1.75e9 + 3000 * number + 20.0 * n
+            found += monitor.push(Fix(agent, "test", time, time, tuple(place), geographic=False))
+    found += monitor.close()
+    for kind in ("off_map.start", "off_map.end"):
+        assert sum(event.kind == kind for event in found) == 3
+    (new,) = (event for event in found if event.kind == "new_edge")
+    assert (new.agent, len(new.details["path"])) == ("", 16)
+    assert new.details["length"] == pytest.approx(800, rel=0.2)
+    assert new.time > 1.75e9 + 3000
+
+
+def guard(laps, begin):
+    """Rounds of a guard: a block, and then a spur, which some laps leave out."""
+    block = [(90, 0), (90, 60), (0, 60), (0, 0)]
+    corners = [(0, 0)]
+    for has_spur in laps:
+        corners += [*block, (-80, 0), (0, 0)] if has_spur else block
+    line = np.array(corners, float)
+    along = np.append(0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
+    times = np.arange(0, along[-1] / 1.5, 4.0)
+    places = np.stack([np.interp(1.5 * times, along, axis) for axis in line.T], axis=1)
+    return gpszip.Track("guard", begin + times, places)
+
+
+def test_a_patrol_completes_rounds_and_misses_edges():
+    known_map = KnownMap(gpszip.compress(guard([True] * 12, 1.7e9), max_error=1.0, effort=1))
+    assert known_map.rounds is not None
+    monitor = monitor_on(known_map)
+    track = guard([True, True, False, True, True], 1.75e9)
+    found = [event for fix in fixes_of([track]) for event in monitor.push(fix)]
+    found += monitor.close()
+    rounds = [event for event in found if event.kind == "round.complete"]
+    assert [event.details["round"] for event in rounds] == list(range(1, len(rounds) + 1))
+    assert len(rounds) >= 3
+    shares = [event.details["share"] for event in rounds]
+    assert min(shares) < 0.75
+    assert max(shares) > 0.9
+    (missed,) = (event for event in found if event.kind == "missed")
+    assert missed.position[0] < 0
+    assert sum(event.kind == "visited" for event in found) >= len(rounds)

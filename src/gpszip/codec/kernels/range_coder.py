@@ -28,6 +28,7 @@ __all__ = [
     "DECODES",
     "DIRECTION",
     "Coder",
+    "code_binary",
     "code_bits",
     "code_interval",
     "count_bits",
@@ -194,6 +195,23 @@ def code_interval(coder: Coder, start: int, width: int, total: int) -> None:
     """Code the interval [start, start + width) of [0, total), 1 <= width, total <= 2**41."""
     share = coder.words[_RANGE] // np.uint64(total)
     _narrow(coder, share * np.uint64(start), share * np.uint64(width))
+
+
+@inner_uncounted
+def code_binary(coder: Coder, probability: int, bit: int, digits: int) -> int:
+    """Code a bit that is one with a probability in units of ``2**-digits``; return it.
+
+    Ones own the lower end of the interval. This is :func:`decode_cumulative` and
+    :func:`code_interval` without a division.
+    """
+    words = coder.words
+    share = words[_RANGE] >> np.uint64(digits)
+    ones = share * np.uint64(probability)
+    if coder.cursor[DIRECTION] == DECODES:
+        bit = 1 if words[_CODE] < ones else 0
+    zeros = share * np.uint64((np.int64(1) << digits) - probability)
+    _narrow(coder, _ZERO if bit else ones, ones if bit else zeros)
+    return bit
 
 
 @inner_uncounted

@@ -162,7 +162,7 @@ def find_changes(
     history: History,
     after: Mask,
     *,
-    false_alarms: float = 0.2,
+    false_alarms: float = 0.1,
     threshold: float | None = None,
     kinds: Sequence[str] = KINDS,
 ) -> Changes:
@@ -174,7 +174,7 @@ def find_changes(
         Traversals of both, on one map.
     after : bool array, shape (n,)
         Which traversals are of the time after.
-    false_alarms : float, default 0.2
+    false_alarms : float, default 0.1
         False alarms of closures a day that the threshold is chosen for.
     threshold : float, optional
         Nats of evidence instead; positive.

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gpszip.archive import Archive, open_archive
 from gpszip.errors import OptionError
+from gpszip.history.calendar import choose_calendar
 from gpszip.history.prediction.destinations import DestinationModel, TripEnds, learn_destinations
 from gpszip.history.prediction.exits import list_exits
 from gpszip.history.prediction.pace_so_far import band_factor
@@ -24,12 +25,12 @@ from gpszip.history.travel_time import TravelTimes, learn_travel_times
 from gpszip.history.traversals import History, read_history
 from gpszip.model.match import Route
 from gpszip.model.prediction import LikelyNode, LikelyRoute, NextRoad, TripArrival
-from gpszip.model.timestamps import counts_from_1970
+from gpszip.model.timestamps import Times, to_seconds
 
-__all__ = ["Predictor", "hours_of_day"]
+__all__ = ["Predictor"]
 
-#: Seconds of an hour, and hours of a day.
-_HOUR, _HOURS = 3600.0, 24
+#: Seconds in which the offset of a time zone stays.
+_QUARTER = 900.0
 
 #: Routes that are followed at once by :meth:`Predictor.routes`.
 _BEAM = 12
@@ -56,6 +57,9 @@ class Predictor:
     archive : Archive, path or History
         What is known. Edges are those of its clean map, in the numbers that the routes of
         ``gpszip.match(track, archive)`` have.
+    timezone : str, optional
+        Time zone of the hours of the day, such as ``Europe/Berlin``; by default that of the place,
+        where the package timezonefinder is there to tell it, else UTC.
 
     Attributes
     ----------
@@ -65,6 +69,8 @@ class Predictor:
         Names of the archive's tracks, each an agent.
     model : SequenceModel
         What follows a route.
+    calendar : Calendar
+        How times become local hours.
     has_hours : bool
         Whether times of the archive are dates, which have hours.
 
@@ -72,6 +78,8 @@ class Predictor:
     ------
     InputError
         If nothing moves in the archive.
+    OptionError
+        If there is no such time zone, or the archive's times are no dates and have none.
 
     Examples
     --------
@@ -89,7 +97,12 @@ class Predictor:
     True
     """
 
-    def __init__(self, archive: Archive | str | os.PathLike[str] | History) -> None:
+    def __init__(
+        self,
+        archive: Archive | str | os.PathLike[str] | History,
+        *,
+        timezone: str | None = None,
+    ) -> None:
         # The traversals, route after route in the order of time.
         if not isinstance(archive, History):
             archive = read_history(
@@ -102,12 +115,11 @@ class Predictor:
         order = _order_of_time(rows.enter, rows.starts)
         self._order = order
 
-        # Hours of the day are known where times count from 1970.
-        times = rows.enter[np.isfinite(rows.enter)]
-        self.has_hours = bool(len(times)) and counts_from_1970(float(times.min()))
-        self._hours = (
-            hours_of_day(rows.enter) if self.has_hours else np.full(len(rows), -1, np.int64)
-        )
+        # Hours of the day are known where times are dates.
+        self.calendar = choose_calendar(self.network, rows.enter, timezone)
+        self.has_hours = bool(self.calendar.name)
+        self._quarters: dict[float, int] = {}
+        self._hours = self.hours_of(rows.enter)
         self.exits = list_exits(self.network)
         passes = Passes(
             rows.directed[order],
@@ -126,7 +138,7 @@ class Predictor:
     def next(
         self,
         route: Route | Iterable[Any],
-        time: float | None = None,
+        time: Times | None = None,
         agent: str | None = None,
     ) -> list[NextRoad]:
         """Edges that may follow a route, with probabilities.
@@ -136,8 +148,9 @@ class Predictor:
         route : Route, or sequence of (int, bool)
             The edges travelled so far, the last one last: edge, and whether it was travelled from
             its start to its end.
-        time : float, optional
-            Seconds as in the archive, for the hour of the day.
+        time : float, datetime, numpy.datetime64 or text, optional
+            Seconds as in the archive, or a date, for the hour of the day. A date without a time
+            zone is in UTC.
         agent : str, optional
             Name of the agent: that of its track in the archive. A name that the archive doesn't
             have says nothing.
@@ -151,10 +164,11 @@ class Predictor:
         Raises
         ------
         OptionError
-            If the route is empty, or names an edge that the archive doesn't have.
+            If the route is empty, or names an edge that the archive doesn't have; if the time is
+            none.
         """
         directed = self._read(route)
-        probabilities = self.model.predict(directed, self._hour(time), self.agent_number(agent))
+        probabilities = self.model.predict(directed, self.hour_of(time), self.agent_number(agent))
         options = self.model.options[directed[-1]]
         ranked = sorted(zip(probabilities, options, strict=True), key=_rank)
         return [NextRoad(edge >> 1, not edge & 1, p) for p, edge in ranked]
@@ -163,7 +177,7 @@ class Predictor:
         self,
         route: Route | Iterable[Any],
         m: int,
-        time: float | None = None,
+        time: Times | None = None,
         agent: str | None = None,
         *,
         count: int = 5,
@@ -192,7 +206,7 @@ class Predictor:
         """
         if m < 1 or count < 1:
             raise OptionError(f"m is {m} and count {count}; both must be at least 1")
-        directed, hour, number = self._read(route), self._hour(time), self.agent_number(agent)
+        directed, hour, number = self._read(route), self.hour_of(time), self.agent_number(agent)
 
         # All routes grow by one edge at a time; the likeliest go on.
         beam: list[tuple[float, list[int]]] = [(1.0, directed)]
@@ -214,7 +228,7 @@ class Predictor:
     def destination(
         self,
         route: Route | Iterable[Any],
-        time: float | None = None,
+        time: Times | None = None,
         agent: str | None = None,
         *,
         count: int | None = None,
@@ -242,7 +256,7 @@ class Predictor:
             As for :meth:`next`.
         """
         likely = self._destinations.predict(
-            self._read(route), self._hour(time), self.agent_number(agent)
+            self._read(route), self.hour_of(time), self.agent_number(agent)
         )
         return [LikelyNode(node, probability) for node, probability in likely[:count]]
 
@@ -250,10 +264,10 @@ class Predictor:
         self,
         route: Route | Iterable[Any],
         goal: int | Route | Iterable[Any],
-        time: float | None = None,
+        time: Times | None = None,
         agent: str | None = None,
         *,
-        times: Sequence[float] | None = None,
+        times: Sequence[Times] | None = None,
         metres_left: float = 0.0,
     ) -> TripArrival:
         """When the agent arrives, counted from now.
@@ -269,10 +283,10 @@ class Predictor:
         goal : int, Route, or sequence of (int, bool)
             Node of the network, to which the likeliest path is taken; or the route that remains,
             which begins where the other one ends.
-        time : float, optional
-            Now, in seconds as in the archive; by default any hour.
-        times : sequence of float, optional
-            Seconds at which each edge of the route was entered. With the time, they tell whether
+        time : float, datetime, numpy.datetime64 or text, optional
+            Now, in seconds as in the archive, or a date; by default any hour.
+        times : sequence of the same, optional
+            Times at which each edge of the route was entered. With the time, they tell whether
             this trip is slower or faster than usual.
         metres_left : float, default 0
             Metres to the end of the route's last edge; less than 0 counts as 0.
@@ -293,19 +307,20 @@ class Predictor:
         route = route if isinstance(route, Route) else list(route)
         directed = self._read(route)
         path = self._find_path(directed, goal, time, agent)
+        now = None if time is None else _in_seconds(time)
 
         # This trip's pace so far, where it is known when it began.
         pace = factor = 1.0
-        if times is not None and time is not None:
+        if times is not None and now is not None:
             if len(times) != len(route):
                 raise OptionError(f"the route has {len(route)} edges and {len(times)} times")
-            begin = float(times[len(route) - len(directed)])
+            begin = _in_seconds(times[len(route) - len(directed)])
             edges, forward = _columns(directed)
             metres = self.network.lengths[edges].copy()
             metres[-1] = max(metres[-1] - metres_left, 0.0)
             seconds = self._times.seconds(edges, forward, begin, metres=metres)
             expected = float(seconds.sum())
-            pace = self._times.pace_so_far(max(time - begin, 0.0), expected)
+            pace = self._times.pace_so_far(max(now - begin, 0.0), expected)
             factor = self._band_factor
 
         # The rest of the last edge, and of the path.
@@ -315,7 +330,7 @@ class Predictor:
         length = float(metres.sum())
         if not length:
             return TripArrival(0.0, 0.0, 0.0, 0.0, ())
-        told = self._times.arrival(edges, forward, time, metres=metres, pace=pace)
+        told = self._times.arrival(edges, forward, now, metres=metres, pace=pace)
         low = told.seconds * (told.low / told.seconds) ** factor
         high = told.seconds * (told.high / told.seconds) ** factor
         return TripArrival(told.seconds, low, high, length, tell_route(path))
@@ -323,7 +338,7 @@ class Predictor:
     def learn(
         self,
         route: Route | Iterable[Any],
-        times: Sequence[float] | None = None,
+        times: Sequence[Times] | None = None,
         agent: str | None = None,
     ) -> None:
         """Add a route that is over to what :meth:`next` and :meth:`routes` know.
@@ -332,8 +347,8 @@ class Predictor:
         ----------
         route : Route, or sequence of (int, bool)
             The edges travelled; of a long route the last 256.
-        times : sequence of float, optional
-            Seconds at which each was entered.
+        times : sequence of float, datetime, numpy.datetime64 or text, optional
+            Seconds or dates at which each was entered.
         agent : str, optional
             Name of the agent, which may be new.
 
@@ -353,7 +368,7 @@ class Predictor:
     def surprise(
         self,
         route: Route | Iterable[Any],
-        times: Sequence[float] | None = None,
+        times: Sequence[Times] | None = None,
         agent: str | None = None,
     ) -> list[float]:
         """Bits that each edge after the first takes: ``-log2`` of its probability before it came.
@@ -387,7 +402,7 @@ class Predictor:
         self,
         route: list[int],
         goal: int | Route | Iterable[Any],
-        time: float | None,
+        time: Times | None,
         agent: str | None,
     ) -> list[int]:
         """Directed edges from the end of a route to the goal."""
@@ -409,7 +424,7 @@ class Predictor:
                 f"there is no node {goal}; the archive has nodes 0 to {len(self.network.nodes) - 1}"
             )
         found = likeliest_path(
-            self.model, self.exits, route, int(goal), self._hour(time), self.agent_number(agent)
+            self.model, self.exits, route, int(goal), self.hour_of(time), self.agent_number(agent)
         )
         if found is None:
             rates = self._times.rates.mean(axis=1)
@@ -422,7 +437,7 @@ class Predictor:
     @cached_property
     def _times(self) -> TravelTimes:
         """Travel times, which only :meth:`arrival` needs."""
-        return learn_travel_times(History(self.network, self._traversals))
+        return learn_travel_times(History(self.network, self._traversals), self.calendar)
 
     @cached_property
     def _band_factor(self) -> float:
@@ -447,7 +462,7 @@ class Predictor:
         return read_route(route, self.model.options, len(self.network))
 
     def _read_with_hours(
-        self, route: Route | Iterable[Any], times: Sequence[float] | None
+        self, route: Route | Iterable[Any], times: Sequence[Times] | None
     ) -> tuple[list[int], list[int | None]]:
         """Directed edges at the end of a route, and the hours at which they were entered."""
         route = route if isinstance(route, Route) else list(route)
@@ -456,13 +471,31 @@ class Predictor:
             return directed, [None] * len(directed)
         if len(times) != len(route):
             raise OptionError(f"the route has {len(route)} edges and {len(times)} times")
-        return directed, [self._hour(time) for time in list(times)[-len(directed) :]]
+        return directed, [self.hour_of(time) for time in list(times)[-len(directed) :]]
 
-    def _hour(self, time: float | None) -> int | None:
-        """Hour of the day, if the archive's times tell it."""
-        if time is None or not self.has_hours or not math.isfinite(time):
+    def hours_of(self, times: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Local hour of the day of times, shape (n,); -1 where unknown."""
+        hours = np.full(len(times), -1, np.int64)
+        if self.has_hours:
+            known = np.isfinite(times)
+            hours[known] = self.calendar.part("hour", times[known])
+        return hours
+
+    def hour_of(self, time: Times | None) -> int | None:
+        """Local hour of the day, if the archive's times tell it."""
+        if time is None:
             return None
-        return int(time // _HOUR) % _HOURS
+        seconds = time if isinstance(time, float) else _in_seconds(time)
+        if not self.has_hours or not math.isfinite(seconds):
+            return None
+
+        # The zone is looked up once for each quarter of an hour.
+        quarter = seconds // _QUARTER
+        hour = self._quarters.get(quarter)
+        if hour is None:
+            hour = int(self.calendar.part("hour", np.array([seconds]))[0])
+            self._quarters[quarter] = hour
+        return hour
 
     def agent_number(self, name: str | None) -> int | None:
         """Number of an agent among those of the archive; None for another one."""
@@ -487,17 +520,18 @@ def _rank(each: tuple[float, Any]) -> tuple[float, Any]:
     return -each[0], each[1]
 
 
-def hours_of_day(times: NDArray[np.float64]) -> Ints:
-    """Hour of the day (UTC) of seconds since 1970; -1 where unknown.
+def _in_seconds(time: Times) -> float:
+    """Seconds of a single time, as in the archive.
 
     Examples
     --------
-    >>> hours_of_day(np.array([1.4e9, np.nan])).tolist()
-    [16, -1]
+    >>> _in_seconds(np.datetime64("1970-01-02")), _in_seconds(7)
+    (86400.0, 7.0)
     """
-    known = np.isfinite(times)
-    hours = np.where(known, np.nan_to_num(times) // _HOUR % _HOURS, -1)
-    return hours.astype(np.int64)
+    seconds = to_seconds(time, name="time")
+    if seconds.ndim:
+        raise OptionError(f"time is {time!r}; it must be a single time")
+    return float(seconds)
 
 
 def _order_of_time(enter: NDArray[np.float64], starts: NDArray[np.bool_]) -> Ints:

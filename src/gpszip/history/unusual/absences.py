@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.history.calendar import Calendar
 from gpszip.history.traversals import Traversals
 from gpszip.model import Track
-from gpszip.model.timestamps import counts_from_1970
 from gpszip.model.unusual import Anomaly
 
 __all__ = ["find_absences"]
@@ -26,12 +26,12 @@ _HOUR, _DAY, _HOURS = 3600.0, 86_400.0, 24
 
 
 def find_absences(
-    known: Traversals, tracks: Sequence[Track], traversals: Traversals
+    known: Traversals, tracks: Sequence[Track], traversals: Traversals, calendar: Calendar
 ) -> tuple[Anomaly, ...]:
     """Find hours without travel at which the same agent travelled on nearly all days before.
 
     With travel in the hour on k of n days, ``p = (n - k + 1) / (n + 2)``. Days are those on which
-    the agent travelled at all; hours are those in UTC that the log spans entirely.
+    the agent travelled at all; hours are local ones that the log spans entirely.
 
     Parameters
     ----------
@@ -41,25 +41,27 @@ def find_absences(
         A log, whose track ids are those of the archive.
     traversals : Traversals
         Of the log.
+    calendar : Calendar
+        How times become local hours.
 
     Returns
     -------
     tuple of Anomaly
         Hours in a row are one.
     """
-    times = known.enter[np.isfinite(known.enter)]
-    if not len(times) or not len(traversals) or not counts_from_1970(float(times.min())):
+    if not calendar.name or not len(traversals):
         return ()
 
     # The log is complete from its first to its last sample.
     begin = min(float(track.times[0]) for track in tracks)
     end = max(float(track.times[-1]) for track in tracks)
+    first, last = calendar.local([begin, end]).tolist()
     found: list[Anomaly] = []
     for number, track in enumerate(tracks):
         if track.id not in known.ids:
             continue
-        usual = _travels(known, known.track == known.ids.index(track.id))
-        now = _travels(traversals, traversals.track == number)
+        usual = _travels(known, known.track == known.ids.index(track.id), calendar)
+        now = _travels(traversals, traversals.track == number, calendar)
         days = {hour // _HOURS for hour in usual}
         if len(days) < _MIN_DAYS:
             continue
@@ -67,20 +69,22 @@ def find_absences(
         # Whole hours of the log on days on which the agent travelled.
         counts = np.bincount([hour % _HOURS for hour in usual], minlength=_HOURS)
         bits = -np.log2((len(days) - counts + 1) / (len(days) + 2))
-        hours = range(math.ceil(begin / _HOUR), math.floor(end / _HOUR))
+        hours = range(math.ceil(first / _HOUR), math.floor(last / _HOUR))
         absent = [hour for hour in hours if bits[hour % _HOURS] >= _MIN_BITS and hour not in now]
-        found += _join_hours(track.id, absent, bits)
+        found += _join_hours(track.id, absent, bits, begin - first, calendar.name)
     return tuple(found)
 
 
-def _travels(rows: Traversals, chosen: NDArray[np.bool_]) -> set[int]:
-    """Hours since 1970 in which some traversals began or ended."""
-    both = np.concatenate((rows.enter[chosen], rows.leave[chosen]))
+def _travels(rows: Traversals, chosen: NDArray[np.bool_], calendar: Calendar) -> set[int]:
+    """Hours of the local clock since 1970 in which some traversals began or ended."""
+    both = calendar.local(np.concatenate((rows.enter[chosen], rows.leave[chosen])))
     return set((both[np.isfinite(both)] // _HOUR).astype(np.int64).tolist())
 
 
-def _join_hours(name: str, hours: list[int], bits: NDArray[np.float64]) -> list[Anomaly]:
-    """Make one absence of hours in a row."""
+def _join_hours(
+    name: str, hours: list[int], bits: NDArray[np.float64], offset: float, zone: str
+) -> list[Anomaly]:
+    """Make one absence of local hours in a row; ``offset`` turns local seconds into times."""
     joined: list[list[int]] = []
     for hour in hours:
         if joined and hour == joined[-1][-1] + 1:
@@ -91,10 +95,10 @@ def _join_hours(name: str, hours: list[int], bits: NDArray[np.float64]) -> list[
         Anomaly(
             name,
             "absence",
-            run[0] * _HOUR,
-            (run[-1] + 1) * _HOUR,
+            run[0] * _HOUR + offset,
+            (run[-1] + 1) * _HOUR + offset,
             float(max(bits[hour % _HOURS] for hour in run)),
-            f"no travel from {run[0] % _HOURS} to {run[-1] % _HOURS + 1} h UTC, as on most days",
+            f"no travel from {run[0] % _HOURS} to {run[-1] % _HOURS + 1} h {zone}, as on most days",
             (),
         )
         for run in joined

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.geo.planes import to_geographic
-from gpszip.history.prediction.predictor import Predictor, hours_of_day
+from gpszip.history.prediction.predictor import Predictor
 from gpszip.history.prediction.read_route import tell_route
 from gpszip.history.traversals import History, Traversals
 from gpszip.history.unusual.absences import find_absences
@@ -80,8 +80,11 @@ def find_unusual(
     """
     far = find_far_samples(tracks, network or usual.network)
     listed = list_trips(tracks, traversals, far)
-    trips = [usual.score(trip, tracks, traversals) for trip in listed]
-    absences = find_absences(usual.rows, tracks, traversals)
+    trips = [
+        usual.score(trip, tracks[trip.track].id, traversals, tracks[trip.track].plane)
+        for trip in listed
+    ]
+    absences = find_absences(usual.rows, tracks, traversals, usual.predictor.calendar)
     return Unusual(tuple(trips), absences, usual.network.plane is not None)
 
 
@@ -92,24 +95,39 @@ class Usual:
     ----------
     history : History
         Of the archive.
+    timezone : str, optional
+        Time zone of hours; by default that of the place, else UTC.
     """
 
-    def __init__(self, history: History) -> None:
+    def __init__(self, history: History, timezone: str | None = None) -> None:
         self.network, self.rows = history
         rows = self.rows
-        self.predictor = Predictor(history)
+        self.predictor = Predictor(history, timezone=timezone)
         self.model = self.predictor.model
         self.index = index_passes(rows.directed, rows.starts, 2 * len(self.network))
-        self.has_hours = self.predictor.has_hours
-        self.paces = learn_paces(self.network, rows, self._hours(rows))
+        self.paces = learn_paces(self.network, rows, self.hours(rows))
         self.stops = learn_stops(self.network, rows)
 
-    def _hours(self, rows: Traversals) -> Ints:
-        return hours_of_day(rows.enter) if self.has_hours else np.full(len(rows), -1, np.int64)
+    def hours(self, rows: Traversals) -> Ints:
+        """Hour of the day of each traversal, shape (n,); -1 where times are no dates."""
+        return self.predictor.hours_of(rows.enter)
 
-    def score(self, trip: LogTrip, tracks: Sequence[Track], rows: Traversals) -> UnusualTrip:
-        """Score a trip."""
-        name = tracks[trip.track].id
+    def score(
+        self, trip: LogTrip, name: str, rows: Traversals, plane: Plane | None = None
+    ) -> UnusualTrip:
+        """Score a trip of the agent of a name.
+
+        Parameters
+        ----------
+        trip : LogTrip
+            The trip.
+        name : str
+            Name of its track.
+        rows : Traversals
+            Those that ``trip.rows`` count.
+        plane : Plane, optional
+            On which the trip's positions off the map lie.
+        """
         own = rows.take(trip.rows)
 
         # Parts of its routes, its pace, its stops, and its travel off the map.
@@ -124,7 +142,7 @@ class Usual:
                 part.end,
                 min(_MAX_OFF_MAP, _OFF_MAP_BITS + part.metres / _OFF_MAP_METRES),
                 f"off the map for {part.metres:,.0f} m",
-                _place(part.position, tracks[trip.track].plane),
+                _place(part.position, plane),
             )
             for part in trip.off_map
         ]
@@ -143,7 +161,7 @@ class Usual:
         """Surprising parts of each connected route of a trip."""
         if not len(rows):
             return []
-        hours = [None if hour < 0 else hour for hour in self._hours(rows).tolist()]
+        hours = [None if hour < 0 else hour for hour in self.hours(rows).tolist()]
         agent = self.predictor.agent_number(name)
         bounds = [*np.flatnonzero(rows.starts).tolist(), len(rows)]
         found = []
@@ -203,7 +221,7 @@ class Usual:
         """Minutes of a trip at an unusual speed."""
         if self.paces is None or not len(rows):
             return []
-        groups = pace_groups(self.network, rows, self._hours(rows), self.paces)
+        groups = pace_groups(self.network, rows, self.hours(rows), self.paces)
         minutes = [
             _Minutes(first, last, observed, expected, self.paces.bits(observed / expected))
             for first, last, observed, expected in zip(*(g.tolist() for g in groups), strict=True)

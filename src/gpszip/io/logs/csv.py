@@ -44,6 +44,7 @@ __all__ = [
     "guess_column_types",
     "malformed_rows_repair",
     "read_csv",
+    "read_table",
     "sniff_csv",
     "write_csv",
 ]
@@ -196,7 +197,7 @@ def read_csv(source: Source, request: Request) -> RawLog:
     # Find the columns and read them.
     dialect = detect_dialect(source.head(), request, source.name)
     roles = find_csv_roles(dialect, request, source.name)
-    table, malformed = _read_table(source, dialect, roles)
+    table, malformed = read_table(source, dialect, roles)
     if table.num_rows == 0:
         problem = f"no row has {dialect.width} cells" if malformed else "a header, but no rows"
         raise InputError(problem, path=source.name)
@@ -249,7 +250,7 @@ def malformed_rows_repair(count: int, where: str) -> tuple[Repair, ...]:
     return (Repair("rows with too many or too few cells dropped", count, where),)
 
 
-def _read_table(source: Source, dialect: Dialect, roles: Roles) -> tuple[Any, int]:
+def read_table(source: Source, dialect: Dialect, roles: Roles) -> tuple[Any, int]:
     """Read the columns that are used.
 
     Attributes that are neither numbers nor text for Arrow, such as dates, are read again as texts,

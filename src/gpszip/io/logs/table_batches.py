@@ -25,7 +25,7 @@ from gpszip.io.tables.time_columns import find_date_order, join_time_columns
 from gpszip.io.values.arrow import is_text, trimmed_text
 from gpszip.io.values.dates import DateOrders, find_date_orders
 
-__all__ = ["TableBatch", "TableReader", "interpret_batches"]
+__all__ = ["TableBatch", "TableInterpreter", "TableReader", "interpret_batches"]
 
 
 class TableBatch(NamedTuple):
@@ -43,8 +43,8 @@ class TableBatch(NamedTuple):
     malformed: int = 0
 
 
-class TableReader(Protocol):
-    """A file with columns that is read in batches."""
+class TableFacts(Protocol):
+    """What has to be known of a table, so that its cells can be interpreted."""
 
     @property
     def name(self) -> str:
@@ -62,14 +62,18 @@ class TableReader(Protocol):
     def first_row_number(self) -> int:
         """Number of the first row in messages."""
 
-    def read(self) -> Iterator[TableBatch]:
-        """Yield all rows, with numbers and times parsed where Arrow can parse them."""
-
     def read_as_text(self) -> Iterator[Any]:
         """Yield all rows once more as tables; cells that the file holds as text stay text."""
 
     def uses_decimal_comma(self) -> bool | None:
         """Whether coordinates have decimal commas; None if the first rows decide."""
+
+
+class TableReader(TableFacts, Protocol):
+    """A file with columns that is read in batches."""
+
+    def read(self) -> Iterator[TableBatch]:
+        """Yield all rows, with numbers and times parsed where Arrow can parse them."""
 
     def explain_error(self, error: Exception) -> str:
         """Say what is wrong with the file when Arrow can't read it."""
@@ -97,17 +101,46 @@ def interpret_batches(reader: TableReader, request: Request) -> Iterator[RawLog]
 
 
 def _interpret(reader: TableReader, stated: Request) -> Iterator[RawLog]:
-    # What the first rows show holds for all later batches, so it is added to the request.
-    request = stated
-    conventions: TableConventions | None = None
-    row_number = reader.first_row_number
-    for table, malformed in reader.read():
+    interpreter = TableInterpreter(reader, stated)
+    for batch in reader.read():
+        raw = interpreter.interpret(batch)
+        if raw is not None:
+            yield raw
+
+
+class TableInterpreter:
+    """Interprets batches of cells; what the first rows show holds for all later ones.
+
+    Parameters
+    ----------
+    table : TableFacts
+        The table.
+    request : Request
+        Unit of time, order of dates and attributes.
+    """
+
+    def __init__(self, table: TableFacts, request: Request) -> None:
+        # What the first rows show is added to the request.
+        self._facts, self._stated, self._request = table, request, request
+        self._conventions: TableConventions | None = None
+        self._row_number = table.first_row_number
+
+    def interpret(self, batch: TableBatch) -> RawLog | None:
+        """Return the rows of the next batch; None if it has none.
+
+        Raises
+        ------
+        InputError
+            If times are certainly in another unit, or dates in several orders.
+        """
         # Find what holds for all rows, from the first batch that has some.
+        table, malformed = batch
+        reader, request = self._facts, self._request
         if request.dates is None and table.num_rows:
             request = replace(request, dates=_find_date_order(reader, table, request))
-        has_first_rows = conventions is None and table.num_rows > 0
+        has_first_rows = self._conventions is None and table.num_rows > 0
         if has_first_rows:
-            conventions = find_conventions(
+            self._conventions = find_conventions(
                 table.columns,
                 reader.column_names,
                 reader.roles,
@@ -115,33 +148,35 @@ def _interpret(reader: TableReader, stated: Request) -> Iterator[RawLog]:
                 reader.name,
                 decimal_comma=reader.uses_decimal_comma(),
             )
+        self._request = request
+        if not table.num_rows and not malformed:
+            return None
 
         # Interpret the columns.
-        if table.num_rows or malformed:
-            raw = build_raw_log(
-                table.columns,
-                reader.column_names,
-                reader.roles,
-                request,
-                reader.name,
-                first=row_number,
-                conventions=conventions,
-                repairs=malformed_rows_repair(malformed, reader.name),
-                all_rows=False,
-            )
+        raw = build_raw_log(
+            table.columns,
+            reader.column_names,
+            reader.roles,
+            request,
+            reader.name,
+            first=self._row_number,
+            conventions=self._conventions,
+            repairs=malformed_rows_repair(malformed, reader.name),
+            all_rows=False,
+        )
+        self._row_number += table.num_rows
 
-            # The unit of time that the first rows suggest holds for all.
-            if has_first_rows:
-                raw = check_plausible(raw, stated)
-                unit = raw.guessed_unit.unit if raw.guessed_unit else stated.time_unit
-                request = replace(request, time_unit=unit)
-            elif request.time_unit == "excel" and stated.time_unit is None:
-                raw = note_spreadsheet_days(raw)
-            yield raw
-        row_number += table.num_rows
+        # The unit of time that the first rows suggest holds for all.
+        if has_first_rows:
+            raw = check_plausible(raw, self._stated)
+            unit = raw.guessed_unit.unit if raw.guessed_unit else self._stated.time_unit
+            self._request = replace(request, time_unit=unit)
+        elif request.time_unit == "excel" and self._stated.time_unit is None:
+            raw = note_spreadsheet_days(raw)
+        return raw
 
 
-def _find_date_order(reader: TableReader, table: Any, request: Request) -> str | None:
+def _find_date_order(reader: TableFacts, table: Any, request: Request) -> str | None:
     """Find the order of day, month and year; None if this batch has no such dates.
 
     It is found from all rows of the file, so that every batch is read in the same order.
@@ -158,7 +193,7 @@ def _find_date_order(reader: TableReader, table: Any, request: Request) -> str |
     return orders.decide(reader.name, f"column {names[roles.time[-1]]!r}")
 
 
-def _possible_date_orders(reader: TableReader, table: Any, request: Request) -> DateOrders:
+def _possible_date_orders(reader: TableFacts, table: Any, request: Request) -> DateOrders:
     """Return the orders of day, month and year in which all dates of a batch are valid."""
     roles = reader.roles
     columns = dict(zip(roles.used, table.columns, strict=False))

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gpszip.history.stays.values import Settings
 from gpszip.live.events import Event
 from gpszip.live.fix import Fix
 from gpszip.live.monitor.gaps import GapTracker
 from gpszip.live.monitor.known import KnownEvents
-from gpszip.live.monitor.on_map.known_map import KnownMap
-from gpszip.live.monitor.on_map.tracker import MapTracker
 from gpszip.live.monitor.reorder import ReorderBuffer
 from gpszip.live.monitor.sources import SourceTracker
 from gpszip.live.monitor.stays import StayTracker
 from gpszip.live.monitor.window import Window
+
+if TYPE_CHECKING:
+    from gpszip.live.monitor.on_map.known_map import KnownMap
+    from gpszip.live.monitor.on_map.tracker import MapTracker
 
 __all__ = ["AgentMonitor"]
 
@@ -70,6 +72,9 @@ class AgentMonitor:
         #: What follows it on the map.
         self.on_map: MapTracker | None = None
         if known_map is not None:
+            # Without a map, no kernels are loaded.
+            from gpszip.live.monitor.on_map.tracker import MapTracker
+
             self.on_map = MapTracker(agent, known_map, self._window, self._known)
 
         #: Whether late fixes wait until the window is read again.

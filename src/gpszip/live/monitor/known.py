@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from gpszip.live.events import Event, event_id
@@ -73,6 +73,7 @@ class _Told:
     id: str
     position: tuple[float, ...] | None
     mark: str
+    directed: int | None = None
 
 
 class KnownEvents:
@@ -166,6 +167,7 @@ class KnownEvents:
     def _is_same(self, told: _Told, finding: Finding) -> bool:
         if (
             told.kind != finding.kind
+            or told.directed != finding.directed
             or told.mark != finding.mark
             or abs(told.time - finding.time) > _TIME_TOLERANCE
         ):
@@ -181,7 +183,8 @@ class KnownEvents:
     def _event(self, finding: Finding, received: float, before: _Told | None) -> Event:
         revises = None if before is None else before.id
         id = self._new_id(finding)
-        self._told.append(_Told(finding.kind, finding.time, id, finding.position, finding.mark))
+        facts = (finding.position, finding.mark, finding.directed)
+        self._told.append(_Told(finding.kind, finding.time, id, *facts))
         return self._make(finding, received, id, revises)
 
     def _new_id(self, finding: Finding) -> str:
@@ -213,7 +216,7 @@ class KnownEvents:
 
     def _withdrawal(self, told: _Told, received: float) -> Event:
         id = event_id("withdrawn", told.id)
-        self._withdrawn.append(_Told(told.kind, told.time, id, told.position, told.mark))
+        self._withdrawn.append(replace(told, id=id))
         del self._withdrawn[:-_MAX_WITHDRAWN]
         return Event(
             told.kind,
@@ -223,6 +226,8 @@ class KnownEvents:
             received,
             revises=told.id,
             withdrawn=True,
+            edge=None if told.directed is None else told.directed >> 1,
+            forward=None if told.directed is None else not told.directed & 1,
             position=told.position,
             geographic=self._geographic,
             why="later fixes contradict it",
@@ -232,7 +237,7 @@ class KnownEvents:
         """Return what is known as a value of JSON."""
         versions = [["versions", *item] for item in self._versions.items()]
         return versions + [
-            [known, told.kind, told.time, told.id, told.position, told.mark]
+            [known, told.kind, told.time, told.id, told.position, told.mark, told.directed]
             for known, group in (("told", self._told), ("withdrawn", self._withdrawn))
             for told in group
         ]
@@ -244,10 +249,10 @@ class KnownEvents:
                 id, count = row
                 self._versions[id] = count
                 continue
-            kind, time, id, position, mark = row
+            kind, time, id, position, mark, directed = row
             place = None if position is None else tuple(position)
             group = self._told if known == "told" else self._withdrawn
-            group.append(_Told(kind, time, id, place, mark))
+            group.append(_Told(kind, time, id, place, mark, directed))
 
 
 def _nearest(group: Sequence[_Told], finding: Finding) -> _Told | None:
@@ -255,6 +260,8 @@ def _nearest(group: Sequence[_Told], finding: Finding) -> _Told | None:
     same = [
         told
         for told in group
-        if told.kind == finding.kind and abs(told.time - finding.time) <= _SAME_TIME
+        if told.kind == finding.kind
+        and told.directed == finding.directed
+        and abs(told.time - finding.time) <= _SAME_TIME
     ]
     return min(same, key=lambda told: abs(told.time - finding.time), default=None)

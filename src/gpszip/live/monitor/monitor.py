@@ -7,17 +7,20 @@ import os
 from collections import Counter, OrderedDict
 from collections.abc import AsyncIterable, AsyncIterator, Iterable, Iterator
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from gpszip.archive import Archive, open_archive
 from gpszip.errors import OptionError
 from gpszip.history.stays.values import Settings
 from gpszip.live.events import Event
 from gpszip.live.fix import Fix
 from gpszip.live.monitor.agent import AgentMonitor
-from gpszip.live.monitor.on_map.known_map import KnownMap
 from gpszip.live.monitor.sources import MAX_AHEAD
-from gpszip.model.match import Scales
+
+if TYPE_CHECKING:
+    from gpszip.archive import Archive
+    from gpszip.live.monitor.on_map.known_map import KnownMap
+    from gpszip.live.monitor.on_map.watch import MapWatch
+    from gpszip.model.match import Scales
 
 __all__ = ["Monitor"]
 
@@ -100,9 +103,9 @@ class Monitor:
         self._delay, self._silent_after, self._max_agents = delay, silent_after, max_agents
         self._settings = Settings(min_stay, max_pause, radius)
         self._map: KnownMap | None = None
+        self._watch: MapWatch | None = None
         if archive is not None:
-            known = archive if isinstance(archive, Archive) else open_archive(archive)
-            self._map = KnownMap(known, scales)
+            self._map, self._watch = _read_map(archive, scales)
 
         # Agents, the least recently heard of first; those that are not silent; those that wait.
         self._agents: OrderedDict[str, AgentMonitor] = OrderedDict()
@@ -174,6 +177,10 @@ class Monitor:
             events += agent.read(self._clock)
             if agent.on_map is not None:
                 events += agent.on_map.rest(is_over=False)
+                if self._watch is not None:
+                    events += self._watch.take(agent.agent, agent.on_map, self._clock)
+        if self._watch is not None:
+            events += self._watch.closures.look(self._clock)
         self._waiting.clear()
         self._late.clear()
         return self._numbered(events)
@@ -188,19 +195,24 @@ class Monitor:
 
     def states(self) -> Iterator[dict[str, Any]]:
         """Yield the state as values of JSON: first of the monitor, then of each agent."""
-        yield {"clock": _finite(self._clock), "seq": self.seq}
+        watch = None if self._watch is None else self._watch.to_row()
+        head = {"clock": _finite(self._clock), "seq": self.seq, "watch": watch}
+        yield head | {"map": None if self._map is None else self._map.fingerprint}
         for agent in self._agents.values():
             yield agent.to_row()
 
     def restore(self, states: Iterable[dict[str, Any]]) -> None:
-        """Take over what :meth:`states` yielded."""
+        """Take over what :meth:`states` yielded; on another map, agents begin anew there."""
         rows = iter(states)
         head = next(rows)
+        is_same_map = self._map is not None and head["map"] == self._map.fingerprint
         self._clock = -math.inf if head["clock"] is None else head["clock"]
         self.seq = head["seq"]
+        if self._watch is not None and is_same_map:
+            self._watch.restore(head["watch"])
         for row in rows:
             agent = self._new_agent(row["agent"], geographic=row["geographic"])
-            agent.restore(row)
+            agent.restore(row if is_same_map else row | {"on_map": None})
             name = agent.agent
             if not agent.is_silent:
                 self._heard[name] = None
@@ -272,8 +284,10 @@ class Monitor:
             return
         capacity = _MAX_ALL_FIXES // max(len(self._agents), 1)
         yield from agent.take(fix, min(max(capacity, _MIN_FIXES), _MAX_FIXES))
-        if agent.on_map is not None and agent.on_map.has_matcher:
-            yield from self._follow_on_map(agent.agent)
+        if agent.on_map is not None and self._watch is not None:
+            yield from self._watch.take(agent.agent, agent.on_map, fix.received)
+            if agent.on_map.has_matcher:
+                yield from self._follow_on_map(agent.agent)
 
     def _follow_on_map(self, name: str) -> Iterator[Event]:
         """Note that an agent is followed; of too many, the first one's matcher is dropped."""
@@ -315,6 +329,19 @@ class Monitor:
             self.seq += 1
             found.append(replace(event, seq=self.seq))
         return found
+
+
+def _read_map(
+    archive: Archive | str | os.PathLike[str], scales: Scales | None
+) -> tuple[KnownMap, MapWatch]:
+    """Read what is known of a map; without one, none of the kernels that it needs are loaded."""
+    from gpszip.archive import Archive, open_archive
+    from gpszip.live.monitor.on_map.known_map import KnownMap
+    from gpszip.live.monitor.on_map.watch import MapWatch
+
+    known = archive if isinstance(archive, Archive) else open_archive(archive)
+    known_map = KnownMap(known, scales)
+    return known_map, MapWatch(known_map)
 
 
 def _finite(number: float) -> float | None:

@@ -96,8 +96,21 @@ def open_archives(path: str | os.PathLike[str]) -> list[tuple[Path, Archive]]:
     return opened
 
 
-def check_archive(archive: Archive, path: Path) -> None:
+def check_archive(
+    archive: Archive, path: Path, *, needs_maximum: bool = True, option: str = "--archive"
+) -> None:
     """Refuse an archive to which no fixes can be appended.
+
+    Parameters
+    ----------
+    archive : Archive
+        The archive.
+    path : Path
+        Where it is.
+    needs_maximum : bool
+        Whether it has to state a maximum error.
+    option : str
+        The option that names it.
 
     Raises
     ------
@@ -107,13 +120,13 @@ def check_archive(archive: Archive, path: Path) -> None:
     reasons = {
         "lies on a known map": archive.contents.grid is None,
         "has tracks without times": not archive.timed or bool(archive.untimed),
-        "states no maximum error": largest_error(archive.error_bound) is None,
+        "states no maximum error": needs_maximum and largest_error(archive.error_bound) is None,
         "keeps columns, which fixes don't have": archive.kept_columns is not None
         or bool(archive.curve_sizes),
     }
     for reason, holds in reasons.items():
         if holds:
-            raise OptionError(reason, path=str(path), remedy="name another archive with --archive")
+            raise OptionError(reason, path=str(path), remedy=f"name another archive with {option}")
 
 
 def largest_error(bound: ErrorBound | None) -> float | None:
@@ -168,13 +181,14 @@ def distances_to(archive: Archive, agent: str, fixes: AgentFixes) -> Floats:
     return distances
 
 
-def reachable(archive: Archive, fixes: AgentFixes) -> Flags:
-    """Whether each fix has its place on an archive's map, shape (n,)."""
+def reachable(archive: Archive, coordinates: Floats) -> Flags:
+    """Whether each position of shape (n, d) has its place on an archive's map, shape (n,)."""
     plane = archive.grid.plane
     if plane is None:
-        return np.full(len(fixes), _has_all_coordinates(archive, fixes))
-    lat, lon = np.radians(fixes.coordinates[:, :2].T)
-    near = np.zeros(len(fixes), np.bool_)
+        has_all = coordinates.shape[1] >= archive.grid.dimension
+        return np.full(len(coordinates), has_all)
+    lat, lon = np.radians(coordinates[:, :2].T)
+    near = np.zeros(len(coordinates), np.bool_)
     for center in plane.centers:
         center_lat, center_lon = np.radians(np.array(center) / _UNITS_PER_DEGREE)
         cosine = np.sin(lat) * np.sin(center_lat) + np.cos(lat) * np.cos(center_lat) * np.cos(

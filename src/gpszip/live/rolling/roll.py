@@ -256,7 +256,7 @@ def _divide(archive: Archive, fixes: Fixes) -> tuple[Fixes, Fixes]:
     near: Fixes = {}
     far: Fixes = {}
     for agent, each in fixes.items():
-        is_near = reachable(archive, each)
+        is_near = reachable(archive, each.coordinates)
         for part, rows in ((near, is_near), (far, ~is_near)):
             if rows.any():
                 part[agent] = each.take(rows)

@@ -8,11 +8,14 @@ import stat
 from collections.abc import Sequence
 from pathlib import Path
 
-from gpszip.errors import InputError
+from gpszip.errors import InputError, OutputError
 from gpszip.files.os_errors import as_output_error
 from gpszip.live.events import Event
 
 __all__ = ["FileSink", "StreamSink"]
+
+#: With which the line of an event begins.
+_BEGIN = b'{"kind":"'
 
 #: Bytes at the end of a file whose events are known again: far more than are sent again after the
 #: process was killed.
@@ -50,7 +53,7 @@ class FileSink:
     Raises
     ------
     OutputError
-        If it can't be written.
+        If it can't be written, or holds something else.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -59,20 +62,17 @@ class FileSink:
             self._descriptor = os.open(self._path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o666)
             # Pipes and devices hold nothing.
             self._is_file = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
-            self._known = self._read_known() if self._is_file else set()
+            try:
+                self._known = self._read_known() if self._is_file else set()
+            except BaseException:
+                os.close(self._descriptor)
+                raise
 
     async def send(self, events: Sequence[Event]) -> None:
-        """Append the events that are not in the file."""
+        """Append the events that were not in the file when it was opened."""
+        # Only what was sent just before the process was killed comes again.
         new = [event for event in events if event.id not in self._known]
-        size = os.fstat(self._descriptor).st_size
-        try:
-            _write_all(self._descriptor, _lines(new))
-        except OSError:
-            # On a full disk, a part of a line would stay.
-            if self._is_file:
-                os.ftruncate(self._descriptor, size)
-            raise
-        self._known.update(event.id for event in new)
+        await asyncio.to_thread(self._append, _lines(new))
 
     async def close(self) -> None:
         """Flush the file to disk, and close it."""
@@ -82,13 +82,26 @@ class FileSink:
         finally:
             os.close(self._descriptor)
 
-    def forget(self) -> None:
-        """Forget which events are in the file: none of them comes again."""
-        self._known.clear()
+    def _append(self, data: bytes) -> None:
+        size = os.fstat(self._descriptor).st_size
+        try:
+            _write_all(self._descriptor, data)
+        except OSError:
+            # On a full disk, a part of a line would stay.
+            if self._is_file:
+                os.ftruncate(self._descriptor, size)
+            raise
 
     def _read_known(self) -> set[str]:
         """Remove a line that was cut off; return the ids of the last events."""
+        # Nothing is appended to, or cut off from, a file of another kind.
         size = os.fstat(self._descriptor).st_size
+        head = os.read(self._descriptor, len(_BEGIN))
+        if head != _BEGIN[: len(head)]:
+            raise OutputError(
+                "holds something else than events", path=self._path, remedy="name another file"
+            )
+
         start = max(0, size - _KNOWN_BYTES)
         os.lseek(self._descriptor, start, os.SEEK_SET)
         data = b""

@@ -9,7 +9,8 @@ a threshold. Two orders of thresholds suit different columns:
   Steps that come back have decisions of their own.
 
 The probability of a decision comes from a logistic distribution about the prediction, whose scale
-is the mean error, and from decisions in the same contexts before.
+is the mean error, and from decisions in the same contexts before. Where a walk on the map says
+something of the number, a second distribution lies about that, with contexts of its own.
 """
 
 from __future__ import annotations
@@ -28,11 +29,21 @@ from gpszip.codec.kernels.range_coder import (
 from gpszip.kernels.jit import inner_uncounted, jit_uncounted
 from gpszip.lossless.kernels.decisions import (
     CONTEXTS,
+    GUIDE_INPUT,
     TABLE_SIZE,
     Decisions,
     code_decision,
     code_excess,
     log_ratio,
+)
+from gpszip.lossless.kernels.guided import (
+    CLASS,
+    GUIDE_CLASSES,
+    SCALE,
+    STEP,
+    GuideState,
+    learn_guide,
+    look_up,
 )
 from gpszip.lossless.kernels.predictions import (
     SUBSTEP_BITS,
@@ -42,7 +53,7 @@ from gpszip.lossless.kernels.predictions import (
     predict,
     set_inputs,
 )
-from gpszip.lossless.setting import EXACT, LAST_BIN, NEAR, Setting
+from gpszip.lossless.setting import EXACT, LAST_BIN, NEAR, Guide, Setting
 
 __all__ = ["WEIGHT_SETS", "code_column"]
 
@@ -60,7 +71,7 @@ _MAX_HALVES = 8
 #: each of three classes of scales.
 _HALF_NODE = 2 * _BINS
 _NODES = _HALF_NODE + 1
-WEIGHT_SETS = 3 * _NODES
+WEIGHT_SETS = 3 * _NODES * GUIDE_CLASSES
 
 #: Mean errors are in sixteenths of a step, at least 2 and at most 2**46.
 _MIN_SCALE = 2
@@ -84,11 +95,14 @@ _UNBOUNDED = 1 << 60
 #: before it is rounded.
 _REACH = 16
 _LOGISTIC = np.round(65536 / (1 + np.exp(-np.arange(-_REACH * 64, _REACH * 64 + 1) / 64)))
-_LOGISTIC = _LOGISTIC.astype(np.int64)
+_LOGISTIC = _LOGISTIC.astype(np.int32)
 _LOGISTIC[0] = 0
 _LOGISTIC[-1] = 65536
 _ALL = 65536
 _SCALED = 1420  # 1024 * 1.386
+
+#: Places of a threshold about what a guide says have contexts up to 15 * 0.48 of its scales.
+_GUIDE_REACH = 15
 
 #: Digits of a scale that matter for z, and the largest distance that is divided by it.
 _SCALE_DIGITS = 16
@@ -123,16 +137,25 @@ def _clip(value: int, limit: int) -> int:
 
 
 @inner_uncounted
-def _mass_below(distance: int, inverse: int) -> int:
-    """Mass of a logistic distribution below a distance from its centre, of 65,536."""
-    z = ((distance * inverse) >> 18) + _REACH * 1024
+def _mass_below(z: int) -> int:
+    """Mass of a logistic distribution, of 65,536, below z 1024ths of its scale past -16 scales."""
     if z <= 0:
         return np.int64(0)
     if z >= 2 * _REACH * 1024:
         return np.int64(_ALL)
     j = z >> 4
-    slope = _LOGISTIC[j + 1] - _LOGISTIC[j]
-    return _LOGISTIC[j] + ((slope * (z & 15)) >> 4)
+    here = np.int64(_LOGISTIC[np.uint32(j)])
+    slope = np.int64(_LOGISTIC[np.uint32(j + 1)]) - here
+    return here + ((slope * (z & 15)) >> 4)
+
+
+@inner_uncounted
+def _spare_digits(scale: int) -> int:
+    """Binary digits of a scale beyond those that matter."""
+    digits = 0
+    while scale >> digits >= np.int64(1) << _SCALE_DIGITS:
+        digits += 1
+    return digits
 
 
 @inner_uncounted
@@ -252,6 +275,7 @@ def _code_step(
     center: int,
     scales: NDArray[np.int64],
     step: int,
+    guide_place: NDArray[np.int64],
 ) -> tuple[int, bool]:
     """Code a step; return it, and whether it lies beyond all bins.
 
@@ -262,11 +286,20 @@ def _code_step(
     class_of_scale = 0 if scale >= 16 else (1 if scale >= 4 else 2)
 
     # The distribution divides distances by its scale.
-    digits = 0
-    while scale >> digits >= np.int64(1) << _SCALE_DIGITS:
-        digits += 1
+    digits = _spare_digits(scale)
     inverse = _inverse_scale(scale, digits)
     mass_low, mass_high = np.int64(0), np.int64(_ALL)
+
+    # So does that of the guide.
+    guide_class, guide_center, guide_scale = (
+        guide_place[CLASS],
+        guide_place[STEP],
+        guide_place[SCALE],
+    )
+    guided = guide_class > 0
+    guide_digits = _spare_digits(guide_scale)
+    guide_inverse = _inverse_scale(guide_scale, guide_digits)
+    guide_low, guide_high, guide_mass = np.int64(0), np.int64(_ALL), np.int64(0)
 
     # First the side, then bins outwards or inwards from the first one, then halves of a bin.
     low, high = np.int64(-_UNBOUNDED), np.int64(_UNBOUNDED)
@@ -289,15 +322,26 @@ def _code_step(
         if low < threshold < high:
             distance = (threshold << SUBSTEP_BITS) - (1 << (SUBSTEP_BITS - 1)) - center
             distance = _clip(distance >> digits, _MAX_DISTANCE)
-            mass = _mass_below(distance, inverse)
+            mass = _mass_below(((distance * inverse) >> 18) + _REACH * 1024)
             decisions.inputs[0] = log_ratio(mass_high - mass, mass - mass_low)
             _set_slots(decisions, base, setting, node, low, high)
             weight_set = class_of_scale * _NODES + node
-            bit = code_decision(coder, decisions, weight_set, 1 if step >= threshold else 0)
+            if guided:
+                distance = (threshold << SUBSTEP_BITS) - (1 << (SUBSTEP_BITS - 1)) - guide_center
+                distance = _clip(distance >> guide_digits, _MAX_DISTANCE)
+                z = (distance * guide_inverse) >> 18
+                guide_mass = _mass_below(z + _REACH * 1024)
+                ratio = log_ratio(guide_high - guide_mass, guide_mass - guide_low)
+                decisions.inputs[GUIDE_INPUT] = ratio
+                relative = _clip((z * 3) >> 11, _GUIDE_REACH) + _GUIDE_REACH
+                slot = (relative * GUIDE_CLASSES + guide_class) * 64 + node
+                decisions.slots[CONTEXTS] = slot & (TABLE_SIZE - 1)
+                weight_set += 3 * _NODES * guide_class
+            bit = code_decision(coder, decisions, weight_set, 1 if step >= threshold else 0, guided)
             if bit:
-                low, mass_low = threshold, mass
+                low, mass_low, guide_low = threshold, mass, guide_mass
             else:
-                high, mass_high = threshold, mass
+                high, mass_high, guide_high = threshold, mass, guide_mass
         else:
             bit = 1 if threshold <= low else 0
 
@@ -356,6 +400,8 @@ def code_column(
     side_sizes: NDArray[np.uint8],
     sizes: NDArray[np.uint8],
     scratch: NDArray[np.int64],
+    guide: Guide,
+    guide_state: GuideState,
 ) -> bool:
     """Code all numbers of a column but the first; return whether a decoder had enough bytes.
 
@@ -373,6 +419,8 @@ def code_column(
         Classes of the errors of the other columns, and of this one, which is filled in.
     scratch : int64 array, shape (10,)
         Workspace.
+    guide, guide_state : Guide and GuideState
+        What a walk says of the column, empty if nothing.
     """
     base, scales, signed_sizes = scratch[:CONTEXTS], scratch[6:8], scratch[8:10]
     scales[:] = setting.scale
@@ -381,8 +429,10 @@ def code_column(
         # What is known before the number.
         ratio = _time_ratio(times, i, last_elapsed) if len(times) > 0 else np.int64(256)
         time_class = _half_octaves(ratio) if len(times) > 0 else 0
-        set_inputs(predictor, sides, i, setting.shift, side_shifts)
-        center = _clip(predict(predictor, ratio, setting.shift), _MAX_PREDICTION)
+        guided = look_up(guide, guide_state, values, i) > 0
+        set_inputs(predictor, sides, i, setting.shift, side_shifts, guide_state.steps)
+        center = predict(predictor, ratio, setting.shift, guide_state.steps, guided)
+        center = _clip(center, _MAX_PREDICTION)
         side_size, side_step = 0, np.int64(0)
         for k in range(len(sides)):
             side_size = max(side_size, np.int64(side_sizes[k, i]))
@@ -394,13 +444,17 @@ def code_column(
             base, setting, predictor, center, scales, signed_sizes, side_size, side_step, time_class
         )
         step = values[i] - values[i - 1]
-        step, is_outlier = _code_step(coder, decisions, base, setting, center, scales, step)
+        step, is_outlier = _code_step(
+            coder, decisions, base, setting, center, scales, step, guide_state.place
+        )
         values[i] = values[i - 1] + step
         if is_exhausted(coder):
             return False
 
         # Learn its error.
         fine_step = step << SUBSTEP_BITS
+        if guided:
+            learn_guide(guide_state, fine_step)
         error = fine_step - center
         scale = max((scales[0] + 2 * scales[1]) // 3, 3)
         size = min(_half_octaves(min(abs(error), _MAX_PREDICTION) * 4 // scale + 1), 9)
@@ -415,7 +469,7 @@ def code_column(
             continue
         _move_scale(scales, 0, abs(error), _FAST_SHIFT)
         _move_scale(scales, 1, abs(error), _SLOW_SHIFT)
-        learn(predictor, fine_step, scale, setting.shift)
+        learn(predictor, fine_step, scale, setting.shift, guided)
         if len(times) > 0:
             last_elapsed = max(times[i] - times[i - 1], 1)
     return True

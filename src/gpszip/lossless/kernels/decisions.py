@@ -13,17 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.codec.kernels.range_coder import (
-    Coder,
-    code_bits,
-    code_interval,
-    decode_cumulative,
-    is_decoding,
-)
+from gpszip.codec.kernels.range_coder import Coder, code_binary, code_bits
 from gpszip.kernels.jit import inner_uncounted
 
 __all__ = [
     "CONTEXTS",
+    "GUIDE_INPUT",
     "INPUTS",
     "PROBABILITY_BITS",
     "TABLE_SIZE",
@@ -38,8 +33,11 @@ __all__ = [
 CONTEXTS = 3
 TABLE_SIZE = 1 << 14
 
-#: Inputs of the mixture: one from a distribution, then one of each context.
-INPUTS = 1 + CONTEXTS
+#: Inputs of the mixture: one from a distribution, one of each context, then where a column has a
+#: guide one from the guide's distribution and one of its context.
+INPUTS = 3 + CONTEXTS
+_PLAIN_INPUTS = 1 + CONTEXTS
+GUIDE_INPUT = 1 + CONTEXTS
 
 #: Probabilities that are coded have so many bits, those in cells and their counts so many.
 PROBABILITY_BITS = 16
@@ -60,9 +58,9 @@ _REACH = 12 * _UNIT
 #: ``squash`` for -12 to 12, and ``logit`` of the middles of 4,096 bins of probabilities. No
 #: entry lies near a half before it is rounded, so that they are the same on every machine.
 _SQUASH = np.round((1 << PROBABILITY_BITS) / (1 + np.exp(-np.arange(-_REACH, _REACH + 1) / _UNIT)))
-_SQUASH = np.clip(_SQUASH, 1, (1 << PROBABILITY_BITS) - 1).astype(np.int64)
+_SQUASH = np.clip(_SQUASH, 1, (1 << PROBABILITY_BITS) - 1).astype(np.int32)
 _BINS = (np.arange(4096) + 0.5) / 4096
-_LOGIT = np.round(_UNIT * np.log(_BINS / (1 - _BINS))).astype(np.int64)
+_LOGIT = np.round(_UNIT * np.log(_BINS / (1 - _BINS))).astype(np.int16)
 _LOGIT_SHIFT = _CELL_BITS - 12 + _COUNT_BITS
 
 #: Logarithms of 1 to 65,537 in units of 1/256.
@@ -92,15 +90,15 @@ class Decisions(NamedTuple):
 
     Parameters
     ----------
-    cells : int32 array, shape (CONTEXTS, TABLE_SIZE)
+    cells : int32 array, shape (CONTEXTS + 1, TABLE_SIZE)
         Probability of a one (20 bits) and number of decisions so far (8 bits).
     weights : int64 array, shape (sets, INPUTS)
         Weights of the mixture.
     uses : int64 array, shape (sets,)
         Decisions that each set of weights has made.
     inputs : int64 array, shape (INPUTS,)
-        Predictions of one decision; the caller enters the first.
-    slots : uint32 array, shape (CONTEXTS,)
+        Predictions of one decision; the caller enters those from distributions.
+    slots : uint32 array, shape (CONTEXTS + 1,)
         Cell of each context, which the caller enters.
     exponents : int32 array, shape (62,)
         Cells of the exponents of excesses.
@@ -119,11 +117,11 @@ def new_decisions(sets: int) -> Decisions:
     weights = np.full((sets, INPUTS), _FIRST_WEIGHT, np.int64)
     weights[:, 0] = _FIRST_RATIO_WEIGHT
     return Decisions(
-        np.zeros((CONTEXTS, TABLE_SIZE), np.int32),
+        np.zeros((CONTEXTS + 1, TABLE_SIZE), np.int32),
         weights,
         np.zeros(sets, np.int64),
         np.zeros(INPUTS, np.int64),
-        np.zeros(CONTEXTS, np.uint32),
+        np.zeros(CONTEXTS + 1, np.uint32),
         np.full(_EXPONENTS, 1 << (_CELL_BITS - 1 + _COUNT_BITS), np.int32),
     )
 
@@ -132,18 +130,6 @@ def new_decisions(sets: int) -> Decisions:
 def log_ratio(above: int, below: int) -> int:
     """Return ``logit`` of the probability above / (above + below), both at most 65,536."""
     return np.int64(_LOG[np.uint32(above)]) - np.int64(_LOG[np.uint32(below)])
-
-
-@inner_uncounted
-def _code_probability(coder: Coder, probability: int, bit: int) -> int:
-    """Code a bit that is one with a probability in units of 2**-16."""
-    # Ones own the lower end of the interval.
-    total = np.int64(1) << PROBABILITY_BITS
-    if is_decoding(coder):
-        bit = 1 if decode_cumulative(coder, total) < probability else 0
-    start = np.int64(0) if bit else probability
-    code_interval(coder, start, probability if bit else total - probability, total)
-    return bit
 
 
 @inner_uncounted
@@ -157,7 +143,15 @@ def _moved(cell: int, bit: int) -> int:
 
 
 @inner_uncounted
-def code_decision(coder: Coder, decisions: Decisions, weight_set: int, bit: int) -> int:
+def _input_of(cell: int) -> int:
+    """What a cell predicts: nothing, where it has seen nothing."""
+    return np.int64(_LOGIT[np.uint32(cell >> _LOGIT_SHIFT)]) if cell & _COUNT_MASK else np.int64(0)
+
+
+@inner_uncounted
+def code_decision(
+    coder: Coder, decisions: Decisions, weight_set: int, bit: int, guided: bool
+) -> int:
     """Code a decision, and learn it.
 
     With inputs x and weights w, p = squash(w . x). Then w += rate * (bit - p) * x. A cell that has
@@ -173,6 +167,8 @@ def code_decision(coder: Coder, decisions: Decisions, weight_set: int, bit: int)
         Row of the weights.
     bit : int
         The bit to encode; ignored by a decoder.
+    guided : bool
+        Whether the inputs and the slot of a guide are entered, too.
     """
     cells, weights, uses = decisions.cells, decisions.weights, decisions.uses
     inputs, slots = decisions.inputs, decisions.slots
@@ -182,22 +178,27 @@ def code_decision(coder: Coder, decisions: Decisions, weight_set: int, bit: int)
     dot = weights[row, 0] * inputs[0]
     for k in range(CONTEXTS):
         cell = np.int64(cells[k, slots[k]])
-        x = _LOGIT[np.uint32(cell >> _LOGIT_SHIFT)] if cell & _COUNT_MASK else np.int64(0)
+        x = _input_of(cell)
         inputs[1 + k] = x
         dot += weights[row, 1 + k] * x
+    if guided:
+        cell = np.int64(cells[CONTEXTS, slots[CONTEXTS]])
+        x = _input_of(cell)
+        inputs[GUIDE_INPUT + 1] = x
+        dot += weights[row, GUIDE_INPUT] * inputs[GUIDE_INPUT] + weights[row, GUIDE_INPUT + 1] * x
     dot = min(max(dot >> _WEIGHT_BITS, -_REACH), _REACH)
-    probability = _SQUASH[np.uint32(dot + _REACH)]
-    bit = _code_probability(coder, probability, bit)
+    probability = np.int64(_SQUASH[np.uint32(dot + _REACH)])
+    bit = code_binary(coder, probability, bit, PROBABILITY_BITS)
 
     # Learn the weights.
     use = uses[row]
     error = ((np.int64(bit) << PROBABILITY_BITS) - probability) * _WEIGHT_RATE[np.uint32(use)]
-    for k in range(INPUTS):
+    for k in range(INPUTS if guided else _PLAIN_INPUTS):
         weights[row, k] += (inputs[k] * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
     uses[row] = min(use + 1, _WEIGHT_USES - 1)
 
     # Learn the cells.
-    for k in range(CONTEXTS):
+    for k in range(CONTEXTS + 1 if guided else CONTEXTS):
         cell = np.int64(cells[k, slots[k]])
         if cell & _COUNT_MASK == 0:
             cell = probability << (_CELL_BITS - PROBABILITY_BITS + _COUNT_BITS)
@@ -225,7 +226,8 @@ def code_excess(coder: Coder, decisions: Decisions, value: int) -> int:
     while exponent < _EXPONENTS - 1:
         cell = np.int64(exponents[exponent])
         probability = max(cell >> (_COUNT_BITS + _CELL_BITS - PROBABILITY_BITS), 1)
-        more = _code_probability(coder, probability, 1 if (value + 1) >> (exponent + 1) else 0)
+        bit = 1 if (value + 1) >> (exponent + 1) else 0
+        more = code_binary(coder, probability, bit, PROBABILITY_BITS)
         exponents[exponent] = _moved(cell, more)
         if more == 0:
             break

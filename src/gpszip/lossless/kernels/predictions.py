@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import inner_uncounted
 
-__all__ = ["SUBSTEP_BITS", "Predictor", "forget", "learn", "new_predictor", "predict", "set_inputs"]
+__all__ = [
+    "GUIDE_STEPS",
+    "SUBSTEP_BITS",
+    "Predictor",
+    "forget",
+    "learn",
+    "new_predictor",
+    "predict",
+    "set_inputs",
+]
 
 #: Binary digits after the point of a step.
 SUBSTEP_BITS = 4
@@ -25,6 +34,12 @@ _SIDE_LAGS = 4
 #: Candidates: standing still, the last step, the same for the time that passed, a linear filter,
 #: level and slope, and the last step with its change.
 _CANDIDATES = 6
+
+#: A guided column has two more: where the walk is, and the walk's own step.
+_GUIDED_CANDIDATES = _CANDIDATES + 2
+
+#: Inputs of the filter from a guide: where the walk is, its own step, and its next one.
+GUIDE_STEPS = 3
 _FILTER = 3
 _LEVEL = 4
 
@@ -72,7 +87,7 @@ class Predictor(NamedTuple):
         Mean square of each input, in sixteenths, and its number of binary digits.
     weights : int64 array, shape (m,)
         Weights of the filter.
-    candidates, errors : int64 array, shape (6,)
+    candidates, errors : int64 array, shape (6,) or (8,)
         Predictions, and their mean absolute errors in quarters.
     line : int64 array, shape (2,)
         Level (relative to the last value) and slope.
@@ -89,9 +104,10 @@ class Predictor(NamedTuple):
     line: NDArray[np.int64]
 
 
-def new_predictor(sides: int) -> Predictor:
-    """Return a predictor that knows nothing, for a column beside so many others."""
-    inputs = _LAGS + _SIDE_LAGS * sides
+def new_predictor(sides: int, *, guided: bool) -> Predictor:
+    """Return a predictor that knows nothing, for a column beside so many others, and a guide."""
+    inputs = _LAGS + _SIDE_LAGS * sides + (GUIDE_STEPS if guided else 0)
+    candidates = _GUIDED_CANDIDATES if guided else _CANDIDATES
     return Predictor(
         np.zeros(_LAGS, np.int64),
         np.zeros((sides, _SIDE_LAGS), np.int64),
@@ -99,8 +115,8 @@ def new_predictor(sides: int) -> Predictor:
         np.zeros(inputs, np.int64),
         np.full(inputs, 3, np.int64),
         np.zeros(inputs, np.int64),
-        np.zeros(_CANDIDATES, np.int64),
-        np.full(_CANDIDATES, _FIRST_ERROR, np.int64),
+        np.zeros(candidates, np.int64),
+        np.full(candidates, _FIRST_ERROR, np.int64),
         np.zeros(2, np.int64),
     )
 
@@ -118,12 +134,13 @@ def set_inputs(
     i: int,
     shift: int,
     side_shifts: NDArray[np.int64],
+    guide_steps: NDArray[np.int64],
 ) -> None:
     """Enter the inputs of the filters for row i.
 
-    They are differences of order 0 to 3 of the last steps, differences of older ones, and the same
-    of the other columns, whose step at this row is known. Differences are less alike than steps,
-    so that the filters learn faster.
+    They are differences of order 0 to 3 of the last steps, differences of older ones, the same of
+    the other columns, whose step at this row is known, and the steps of a guide, if there is one.
+    Differences are less alike than steps, so that the filters learn faster.
     """
     steps, inputs = predictor.steps, predictor.inputs
 
@@ -149,9 +166,19 @@ def set_inputs(
             before[j] = before[j - 1]
         before[0] = now
 
+    # Those of the guide.
+    for k in range(len(guide_steps)):
+        inputs[_LAGS + _SIDE_LAGS * len(sides) + k] = _clip(guide_steps[k] >> shift, _MAX_INPUT)
+
 
 @inner_uncounted
-def predict(predictor: Predictor, ratio: int, shift: int) -> int:
+def predict(
+    predictor: Predictor,
+    ratio: int,
+    shift: int,
+    guide_steps: NDArray[np.int64],
+    guided: bool,
+) -> int:
     """Return the predicted step, in sixteenths.
 
     With candidates c, their mean errors e and the smallest one, e0, the weights are
@@ -165,6 +192,10 @@ def predict(predictor: Predictor, ratio: int, shift: int) -> int:
         Time since the last row by that before it, in units of 1/256.
     shift : int
         The column's shift.
+    guide_steps : int64 array, shape (3,) or (0,)
+        What the guide says: the step to it, and its own step, are candidates, too.
+    guided : bool
+        Whether it says anything of this row.
     """
     steps, inputs, candidates, errors = (
         predictor.steps,
@@ -184,15 +215,18 @@ def predict(predictor: Predictor, ratio: int, shift: int) -> int:
     candidates[_FILTER] = _clip(total >> _WEIGHT_BITS, _MAX_STEP >> shift) << shift
     candidates[_LEVEL] = _clip(predictor.line[0] + predictor.line[1], _MAX_STEP)
     candidates[5] = 2 * last - steps[1]
+    count = _GUIDED_CANDIDATES if guided else _CANDIDATES
+    for k in range(_CANDIDATES, count):
+        candidates[k] = guide_steps[k - _CANDIDATES]
 
     # Their weighted mean.
     best = 0
-    for k in range(1, _CANDIDATES):
+    for k in range(1, count):
         if errors[k] < errors[best]:
             best = k
     total, weights = np.int64(0), np.int64(0)
     smallest = errors[best] + 4
-    for k in range(_CANDIDATES):
+    for k in range(count):
         # The weight of an error this large is below 2**-12.
         if errors[k] + 4 > 8 * smallest:
             continue
@@ -224,12 +258,15 @@ def _learn_filter(predictor: Predictor, step: int, scale: int, shift: int) -> No
 
 
 @inner_uncounted
-def learn(predictor: Predictor, step: int, scale: int, shift: int) -> None:
-    """Learn the step that came, in sixteenths, where the mean error is ``scale``."""
+def learn(predictor: Predictor, step: int, scale: int, shift: int, guided: bool) -> None:
+    """Learn the step that came, in sixteenths, where the mean error is ``scale``.
+
+    ``guided`` tells whether the guide said anything of it.
+    """
     steps, errors, line = predictor.steps, predictor.errors, predictor.line
 
     # Errors of the candidates, and the filter.
-    for k in range(_CANDIDATES):
+    for k in range(_GUIDED_CANDIDATES if guided else _CANDIDATES):
         error = min(abs(step - predictor.candidates[k]), _MAX_CANDIDATE_ERROR * scale)
         errors[k] += (4 * error - errors[k]) >> _ERROR_SHIFT
     _learn_filter(predictor, step, scale, shift)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import inner_uncounted, jit_uncounted
 
-__all__ = ["MARK", "MAX_DIGITS", "NUMBER", "split_records", "write_records"]
+__all__ = ["MARK", "MAX_DIGITS", "MINUS_ZERO", "NUMBER", "split_records", "write_records"]
 
 #: Kinds of tokens: a number, and dates with what stands between their parts.
 NUMBER = np.int64(0)
@@ -30,6 +30,9 @@ MAX_DIGITS = 17
 #: Bytes of a date and of a time of day.
 _DATE_BYTES = 19
 _CLOCK_BYTES = 8
+
+#: Is added to the width of a zero with a minus before it.
+MINUS_ZERO = 128
 
 #: A line that is longer than this is split after brackets and commas; so many bytes of a record
 #: suffice for a split at a comma.
@@ -154,7 +157,7 @@ def _find_token(
     kind, value, decimals, width, end : int
         Its kind or -1; its value without the point; digits after and before the point; its end.
     """
-    # A sign, only before a number that is not zero.
+    # A sign.
     first = start
     is_negative = text[start] == _MINUS and not _is_digit(last)
     if is_negative:
@@ -187,9 +190,9 @@ def _find_token(
             digits += 1
             decimals += 1
     if is_negative:
-        # The sign of minus zero stays in the shape.
+        # Minus zero is a value of its own.
         if value == 0:
-            return _NO_TOKEN, np.int64(0), 0, 0, start
+            width |= MINUS_ZERO
         value = -value
     return kind if kind != _NO_TOKEN else NUMBER, value, decimals, width, i
 
@@ -325,12 +328,13 @@ def _write_token(
 ) -> int:
     """Write a token; return its end, or -1 if it does not fit."""
     # The sign, and the digits before and after the point.
-    if value < 0:
+    if value < 0 or width & MINUS_ZERO:
         if i >= len(out):
             return -1
         out[i] = _MINUS
         i += 1
-        value = -value
+        value = abs(value)
+    width &= MINUS_ZERO - 1
     power = np.int64(1)
     for _ in range(places):
         power *= 10

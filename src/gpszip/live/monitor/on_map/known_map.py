@@ -76,8 +76,8 @@ class KnownMap:
         self.index = index_network(network)
         self.network = network
         self.plane = archive.grid.plane
+        # A workspace is as large as the map, so that all matchers share one.
         self.workspace = create_workspace(self.index)
-        # The matcher of each agent has a workspace as large as the map otherwise.
 
         # What is usual on them.
         history = read_history(archive)
@@ -86,6 +86,9 @@ class KnownMap:
         self.predictor: Predictor = self.usual.predictor
         self.exits = self.predictor.exits
         self.lengths = self.network.lengths
+
+        #: Tells this map from others, whose edges have other numbers.
+        self.fingerprint = f"{len(self.network)} {float(self.lengths.sum()):.3f}"
         self.rounds: Rounds | None = None
         try:
             self.rounds = find_rounds(history)

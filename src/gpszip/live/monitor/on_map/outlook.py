@@ -23,6 +23,9 @@ _MIN_PROBABILITY = 0.3
 #: Least probability of a destination at which an agent can be late.
 _SURE = 0.7
 
+#: Seconds that it takes at most, mostly, until an arrival is certain.
+_SOME_TIME = 60.0
+
 #: Seconds, and share of the way that remains, by which an arrival changes before it is told again.
 _MIN_CHANGE, _CHANGE_SHARE = 120.0, 0.25
 
@@ -88,6 +91,12 @@ class Outlook:
         self.route.append(directed)
         self.times.append(time)
         del self.route[:-_MAX_ROUTE], self.times[:-_MAX_ROUTE]
+
+        # Past its goal, it has another one.
+        goal = self._goal
+        passed = self.route[-2:-1]
+        if goal is not None and passed and self._map.exits.heads[passed[0]] == goal.node:
+            self._goal = None
         if time - self._last < _PERIOD:
             return []
         self._last = time
@@ -96,7 +105,9 @@ class Outlook:
     def pass_time(self, time: float, position: tuple[float, ...]) -> list[Finding]:
         """Return that the agent is late, if it is now."""
         goal = self._goal
-        if goal is None or self._is_late or goal.latest is None or time <= goal.latest:
+        if goal is None or self._is_late or goal.latest is None:
+            return []
+        if time <= goal.latest + _SOME_TIME:
             return []
         self._is_late = True
         details = {
@@ -108,10 +119,7 @@ class Outlook:
         return [Finding("late", time, position, "", why, details, confidence=goal.probability)]
 
     def _predict(self, time: float) -> list[Finding]:
-        # Past its goal, it has another one.
         goal, predictor = self._goal, self._map.predictor
-        if goal is not None and self._map.exits.heads[self.route[-1]] == goal.node:
-            goal = self._goal = None
         route = list(tell_route(self.route))
         likely = predictor.destination(route, time, self._agent, count=1)
         if not likely or likely[0].probability < _MIN_PROBABILITY:

@@ -14,6 +14,9 @@ __all__ = ["Pass", "PassReader", "Step"]
 #: Positions in a row off the map, or on it, before that counts: single ones are errors.
 _MIN_OFF, _MIN_ON = 3, 2
 
+#: Share of an edge by which an agent falls back on it if it has gone round.
+_AGAIN = 0.5
+
 #: Metres per second below which an agent stands.
 _STANDING = 0.5
 
@@ -126,8 +129,11 @@ class PassReader:
         along = self._map.offset(directed, found.offset)
         current = self.current
 
-        # On the same edge.
-        if current is not None and current.directed == directed:
+        # On the same edge, unless it went round and begins it again.
+        route = None
+        if current is not None and found.linked and self._begins_again(current, directed, along):
+            route = [directed, directed]
+        elif current is not None and current.directed == directed:
             seconds = found.time - current.leave
             if abs(along - current.along) < _STANDING * seconds:
                 current.standing += seconds
@@ -135,13 +141,18 @@ class PassReader:
             return Step(on=on)
 
         # On another one, with those between.
-        route = None
-        if current is not None and found.linked:
+        if current is not None and found.linked and route is None:
             route = connect_roads([current.directed, directed], self._map.exits, self._map.lengths)
         if current is None or route is None or route[0] != current.directed:
             self.current = Pass(directed, found.time, along, True, along, found.time)
             return Step(() if current is None else (current,), self.current, on=on)
         return self._travel(current, route, found.time, along, on)
+
+    def _begins_again(self, current: Pass, directed: int, along: float) -> bool:
+        """Whether an agent on an edge that ends where it begins is at its start again."""
+        length = float(self._map.lengths[directed >> 1])
+        is_back = current.directed == directed and along < current.along - _AGAIN * length
+        return is_back and directed in self._map.exits.options[directed]
 
     def _travel(
         self, current: Pass, route: list[int], time: float, along: float, on: float | None

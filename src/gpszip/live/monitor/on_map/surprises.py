@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from gpszip.history.prediction.predictor import hours_of_day
 from gpszip.history.unusual.route_surprise import direction_bits
 from gpszip.live.fix import Fix, distance
 from gpszip.live.monitor.known import Finding
@@ -72,7 +71,9 @@ class Surprises:
         if route[-1] not in options:
             return []
         before = route[-_LOOK_BACK - 1 : -1]
-        probabilities = self._usual.model.predict(before, self._hour(time), self._number)
+        probabilities = self._usual.model.predict(
+            before, self._usual.predictor.hour_of(time), self._number
+        )
         chance = probabilities[options.index(route[-1])]
         if chance > _TURN_CHANCE:
             return []
@@ -119,7 +120,7 @@ class Surprises:
         is_told = passed.metres >= max(_MIN_METRES, _MIN_SHARE * length) and seconds > 0
         if passed.starts or paces is None or not is_told:
             return []
-        hour = self._hour(passed.enter)
+        hour = self._usual.predictor.hour_of(passed.enter)
         expected = paces.expected(
             np.array([passed.directed]), np.array([-1 if hour is None else hour])
         )
@@ -182,11 +183,6 @@ class Surprises:
                 confidence=confidence,
             )
         ]
-
-    def _hour(self, time: float) -> int | None:
-        if not self._usual.has_hours:
-            return None
-        return int(hours_of_day(np.array([time]))[0])
 
     def to_row(self) -> dict[str, Any]:
         """Return the state as a value of JSON."""

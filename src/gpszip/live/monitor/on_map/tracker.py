@@ -6,13 +6,18 @@ import math
 from dataclasses import asdict
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gpszip.errors import TrackError
+from gpszip.geo.planes import to_plane
 from gpszip.live.events import Event
 from gpszip.live.fix import Fix
 from gpszip.live.monitor.known import Finding, KnownEvents
 from gpszip.live.monitor.on_map.known_map import KnownMap
 from gpszip.live.monitor.on_map.outlook import Outlook
 from gpszip.live.monitor.on_map.passes import Pass, PassReader, Step
+from gpszip.live.monitor.on_map.patrol import PatrolTracker
 from gpszip.live.monitor.on_map.surprises import Surprises
 from gpszip.live.monitor.window import Window
 from gpszip.matching.live import FinalisedPosition, LiveMatcher, LivePosition
@@ -44,11 +49,16 @@ class MapTracker:
         self._reader = PassReader(known_map)
         self._outlook = Outlook(agent, known_map)
         self._surprises = Surprises(agent, known_map)
+        self._patrol: PatrolTracker | None = None
+        if known_map.rounds is not None:
+            self._patrol = PatrolTracker(known_map, known_map.rounds)
+        self._off_since: float | None = None
         self._here: LivePosition | None = None
         self._received = 0.0
 
         #: Passes that are over, for those who watch all agents.
         self.passed: list[Pass] = []
+        self.paths: list[tuple[NDArray[np.float64], float]] = []
 
     @property
     def has_matcher(self) -> bool:
@@ -111,18 +121,33 @@ class MapTracker:
         findings: list[Finding] = []
         if step.on is not None:
             findings.append(self._at("off_map.end", step.on))
+            self._note_path(step.on)
         for number, passed in enumerate(step.left):
             if number:
                 findings += self._enter(passed)
             findings.append(self._leave(passed))
             findings += self._surprises.leave(passed)
+            if self._patrol is not None:
+                findings += self._patrol.add(passed)
             self.passed.append(passed)
         if step.entered is not None:
             findings += self._enter(step.entered)
         if step.off is not None:
             findings.append(self._at("off_map.start", step.off))
             self._outlook.end_trip()
+            self._off_since = step.off
         return findings
+
+    def _note_path(self, until: float) -> None:
+        """Note the path off the map, from the last fix on it to the first one on it again."""
+        since, self._off_since = self._off_since, None
+        if since is None:
+            return
+        rows = slice(max(self._window.row_at(since) - 1, 0), self._window.row_at(until) + 1)
+        coordinates = self._window.coordinates()[rows, :2]
+        if self._map.plane is not None:
+            coordinates = to_plane(coordinates[:, 0], coordinates[:, 1], self._map.plane)
+        self.paths.append((coordinates, until))
 
     def _enter(self, passed: Pass) -> list[Finding]:
         place = self._map.place_on(passed.directed, passed.begin)
@@ -158,6 +183,8 @@ class MapTracker:
             "done": self._reader.done if math.isfinite(self._reader.done) else None,
             "outlook": self._outlook.to_row(),
             "surprises": self._surprises.to_row(),
+            "patrol": None if self._patrol is None else self._patrol.to_row(),
+            "off_since": self._off_since,
             "matcher": self.has_matcher,
         }
 
@@ -167,6 +194,9 @@ class MapTracker:
         self._reader.is_off = row["off"]
         self._outlook.restore(row["outlook"])
         self._surprises.restore(row["surprises"])
+        if self._patrol is not None and row["patrol"] is not None:
+            self._patrol.restore(row["patrol"])
+        self._off_since = row["off_since"]
 
         # The matcher takes the last fixes again, whose positions were read.
         self._reader.done = math.inf

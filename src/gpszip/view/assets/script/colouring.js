@@ -22,6 +22,7 @@
 
 import { CATEGORIES, DIM, OWN, RAMP_SIZE, makeRamp } from "./colours.js";
 import { formatCount, formatCountOf, formatLength, formatSpeed } from "./format.js";
+import { ALL_HOURS, mostTraversals, usageValues } from "./history.js";
 import { formatTime, zoneOffset } from "./times.js";
 import { lastAtMost, segmentSpeed } from "./walks.js";
 
@@ -34,6 +35,8 @@ const COLOURS = {
   time: "Time",
   hour: "Time of day",
   traversals: "Traversals",
+  use: "Traversals by hour",
+  pace: "Speed by hour",
   direction: "Direction",
 };
 
@@ -56,6 +59,7 @@ const ZONE_BLOCK = 3600;
  */
 export function sceneColours({ archives, epoch }) {
   const hasTracks = archives.some(({ tracks }) => tracks.ids.length);
+  const hasUsage = archives.some(({ history }) => history?.usage);
   /** @type {Record<string, boolean>} */
   const exists = {
     layer: true,
@@ -65,6 +69,8 @@ export function sceneColours({ archives, epoch }) {
     time: hasTracks,
     hour: epoch === "unix",
     traversals: archives.some(({ edges }) => edges.x.length),
+    use: hasUsage,
+    pace: hasUsage,
     direction: hasTracks,
   };
   const labels = epoch === null ? { ...COLOURS, time: "Distance" } : COLOURS;
@@ -93,13 +99,13 @@ export function colourScene(scene, state) {
   const chosen = archives.map((archive, i) =>
     chosenValues(values[i], plainClasses(archive, state)),
   );
-  const [low, high] = valueRange(chosen.flat(), state);
+  const [low, high] = valueRange(chosen.flat(), scene, state);
   const isCircle = state.colour === "hour" || state.colour === "direction";
   const ramp = makeRamp(
     isCircle ? "cycle" : state.colour === "time" ? "cividis" : "viridis",
     state.theme,
   );
-  const isLog = state.colour === "traversals";
+  const isLog = state.colour === "traversals" || state.colour === "use";
   const classes = archives.map((archive, i) => {
     const all = plainClasses(archive, state);
     for (const key of /** @type {(keyof Classes)[]} */ (Object.keys(values[i]))) {
@@ -225,6 +231,9 @@ function valuesOf(archive, state) {
       };
     case "direction":
       return { raw: raw ? headings(raw, raw.track) : none, tracks: headings(knots, knots.line) };
+    case "use":
+    case "pace":
+      return { clean: usageOf(archive, state) };
     default:
       return { clean: traversals(archive.clean), archived: traversals(archive.edges) };
   }
@@ -327,14 +336,32 @@ function traversals(edges) {
 }
 
 /**
+ * Use of the edge of each point in the chosen hours.
+ * @param {Archive} archive
+ * @param {State} state
+ */
+function usageOf({ clean, history }, state) {
+  const count = clean.offsets.length - 1;
+  const values = history?.usage ? usageValues(history.usage, count, state) : null;
+  return clean.x.map((_, i) => (values ? values[clean.line[i]] : NaN));
+}
+
+/**
  * Range of values that a ramp covers.
  * @param {Float64Array[]} values
+ * @param {Scene} scene
  * @param {State} state
  * @returns {[number, number]}
  */
-function valueRange(values, state) {
+function valueRange(values, { archives }, state) {
   if (state.colour === "hour") return [0, 24];
   if (state.colour === "direction") return [0, 360];
+  if (state.colour === "use" && state.hour !== ALL_HOURS) {
+    const most = archives.map(({ history, clean }) =>
+      history?.usage ? mostTraversals(history.usage, clean.offsets.length - 1, state.days) : 0,
+    );
+    return [1, Math.max(2, ...most)];
+  }
 
   // All values of time and traversals; of others up to a share of them.
   let [low, high] = [Infinity, -Infinity];
@@ -345,8 +372,12 @@ function valueRange(values, state) {
     }
   }
   if (low > high) return [0, 1];
+  if (state.colour === "pace") {
+    const all = archives.map((archive) => usageOf(archive, { ...state, hour: ALL_HOURS }));
+    return [0, percentile(all, RAMP_SHARE) || 1];
+  }
   if (state.colour === "time") return [low, high > low ? high : low + 1];
-  if (state.colour === "traversals") return [1, Math.max(high, 2)];
+  if (state.colour === "traversals" || state.colour === "use") return [1, Math.max(high, 2)];
   return [0, percentile(values, RAMP_SHARE) || 1];
 }
 
@@ -399,6 +430,7 @@ function makeLegend(scene, state, ramp, low, high) {
     formatTime(value, state.aligned && scene.epoch ? "log" : scene.epoch, zone, (high - low) / 100);
   switch (state.colour) {
     case "speed":
+    case "pace":
       return {
         title: "Speed",
         ramp,

@@ -47,6 +47,31 @@ export function makeButton(text, action, attributes = {}) {
 }
 
 /**
+ * @typedef {object} Jump A row of a list that leads somewhere.
+ * @property {string[]} cells texts; the second one takes the space that is left
+ * @property {() => void} go
+ * @property {string} [colour] of a dot in front
+ * @property {string} [title]
+ */
+
+/**
+ * Make items of a list, each a button.
+ * @param {Jump[]} jumps
+ */
+export function makeJumps(jumps) {
+  return jumps.map(({ cells, go, colour, title }) => {
+    const button = makeButton("", go, title ? { title } : {});
+    if (colour) {
+      const dot = make("i", { class: "dot" });
+      dot.style.background = colour;
+      button.append(dot);
+    }
+    button.append(...cells.map((text, i) => make("span", i === 1 ? { class: "space" } : {}, text)));
+    return make("li", {}, button);
+  });
+}
+
+/**
  * Fill a select with options.
  * @param {HTMLElement} select
  * @param {Iterable<[string, string]>} options value and text

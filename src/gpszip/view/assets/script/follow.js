@@ -2,11 +2,17 @@
  * Moving the map to where something is: all of an area, a track, an agent.
  *
  * @typedef {import("./map.js").App} App
+ * @typedef {import("./scene.js").Archive} Archive
+ * @typedef {import("./history.js").Span} Span
  */
 
 import { clockShift, clockTracks } from "./clock.js";
+import { zoomToRange } from "./chartgestures.js";
 import { emptyBox, extend, fitBox, seenBox } from "./viewport.js";
-import { positionAt } from "./walks.js";
+import { lastAtMost, positionAt } from "./walks.js";
+
+/** Metres around a place that is jumped to in which passes are listed at most. */
+const LISTED_RADIUS = 30;
 
 /**
  * Number of the area of a position.
@@ -80,16 +86,78 @@ export function showTrack(app) {
  */
 function trackBox(app) {
   const { track } = app.store.state;
-  const [{ knots, tracks }] = app.scene.archives;
-  const number = track === null ? undefined : tracks.numbers.get(track);
+  const [archive] = app.scene.archives;
+  const number = track === null ? undefined : archive.tracks.numbers.get(track);
   if (number === undefined) return null;
+  return spanBox(app, archive, { track: number, start: -Infinity, end: Infinity });
+}
+
+/**
+ * Box of a part of a track, in the area where it starts.
+ * @param {App} app
+ * @param {Archive} archive
+ * @param {Span} span
+ * @returns {import("./viewport.js").Box | null} null if it has no knots
+ */
+function spanBox(app, archive, { track, start, end }) {
+  const { knots, tracks } = archive;
+  const [first, last] = [tracks.offsets[track], tracks.offsets[track + 1]];
+  const from = Math.max(lastAtMost(knots.time, start, first, last), first);
+  const area = areaAt(app, knots.x[from]);
+  const box = emptyBox();
+  const add = (/** @type {{x: number, y: number} | null} */ position) => {
+    if (position && areaAt(app, position.x) === area) extend(box, position.x, position.y);
+  };
 
   // Knots of other areas are far away.
-  const [from, to] = [tracks.offsets[number], tracks.offsets[number + 1]];
-  const start = areaAt(app, knots.x[from]);
-  const box = emptyBox();
-  for (let k = from; k < to; k++) {
-    if (areaAt(app, knots.x[k]) === start) extend(box, knots.x[k], knots.y[k]);
+  for (let k = from; k < last && knots.time[k] <= end; k++) {
+    if (knots.time[k] >= start) add({ x: knots.x[k], y: knots.y[k] });
   }
-  return from < to ? box : null;
+  if (Number.isFinite(start)) [start, end].forEach((time) => add(positionAt(archive, track, time)));
+  return box.minX <= box.maxX ? box : null;
+}
+
+/**
+ * Show a part of a track: as the range that is measured, on the chart, and on the map.
+ * @param {App} app
+ * @param {Archive} archive
+ * @param {Span} span
+ */
+export function jumpToSpan(app, archive, span) {
+  const { store } = app;
+  const { ids } = archive.tracks;
+  store.set({ track: ids.length > 1 ? ids[span.track] : null, playing: false, place: null });
+  store.flush();
+  const shift = clockShift(app, archive, span.track);
+  const range = /** @type {[number, number]} */ ([span.start - shift, span.end - shift]);
+  store.set({ range, time: range[0] });
+  zoomToRange(app);
+  const box = spanBox(app, archive, span);
+  const [{ width, height }] = app.panes;
+  if (box)
+    store.set({ view: fitBox(box, width, height), area: areaAt(app, box.minX), follow: false });
+}
+
+/**
+ * Show a place, and ask what is there.
+ * @param {App} app
+ * @param {{x: number, y: number}} place
+ * @param {number} radius metres
+ */
+export function jumpToPlace(app, { x, y }, radius) {
+  const [{ width, height }] = app.panes;
+  const box = {
+    minX: x - 4 * radius,
+    minY: y - 4 * radius,
+    maxX: x + 4 * radius,
+    maxY: y + 4 * radius,
+  };
+  const { track } = app.store.state;
+  app.store.set({
+    view: fitBox(box, width, height),
+    area: areaAt(app, x),
+    place: { x, y, radius: Math.min(radius, LISTED_RADIUS), track },
+    follow: false,
+    playing: false,
+  });
 }

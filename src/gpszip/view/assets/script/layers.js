@@ -97,6 +97,46 @@ export const LAYERS = [
     sign: "line",
     exists: (scene) => scene.network !== null,
   },
+  {
+    id: "places",
+    key: "o",
+    label: "Places",
+    colour: "accent",
+    sign: "ring",
+    exists: (scene) => scene.archives.some(({ history }) => history?.places?.length),
+  },
+  {
+    id: "trips",
+    key: "t",
+    label: "Trips",
+    colour: "tracks",
+    sign: "line",
+    exists: (scene) => scene.archives.some(({ history }) => history?.trips.length),
+  },
+  {
+    id: "changes",
+    key: "c",
+    label: "Changes",
+    colour: "fresh",
+    sign: "line",
+    exists: (scene) => scene.archives.some(({ history }) => history?.changes?.length),
+  },
+  {
+    id: "unusual",
+    key: "u",
+    label: "Unusual trips",
+    colour: "error",
+    sign: "ring",
+    exists: (scene) => scene.archives.some(({ history }) => history?.unusual?.length),
+  },
+  {
+    id: "rounds",
+    key: "r",
+    label: "Usual round",
+    colour: "routes",
+    sign: "line",
+    exists: (scene) => scene.archives.some(({ history }) => history?.rounds),
+  },
   { id: "grid", key: "g", label: "Graticule", colour: "grid", sign: "line", exists: () => true },
   {
     id: "scale",
@@ -115,7 +155,7 @@ export const LAYERS = [
  */
 export function initialLayers(scene) {
   const hasRaw = scene.archives.some(({ raw }) => raw);
-  const on = new Set(["raw", "clean", "fresh", "routes", "network", "grid", "scale"]);
+  const on = new Set("raw clean fresh routes network grid scale places changes rounds".split(" "));
   if (!hasRaw) on.add("gaps");
   if (scene.archives.every(({ clean }) => !clean.x.length)) on.add("archived");
   return Object.fromEntries(LAYERS.map(({ id }) => [id, on.has(id)]));

@@ -11,6 +11,8 @@ import { findWorst } from "./errors.js";
 import { centreOnAgent, fitArea, fitMap, showTrack } from "./follow.js";
 import { listenToPane } from "./gestures.js";
 import { formatPosition } from "./graticule.js";
+import { ALL_HOURS } from "./history.js";
+import { startHistory } from "./historypanel.js";
 import { listenToKeys, toggleHelp } from "./keys.js";
 import { initialLayers } from "./layers.js";
 import { drawMap, makePane, resizePane } from "./map.js";
@@ -32,7 +34,7 @@ const BUTTON_ZOOM = 1.6;
 const ALL_KEYS = ["track", "aligned", "theme", "size"];
 
 /** What each canvas depends on. @type {Keys} */
-const MAP_KEYS = [...ALL_KEYS, "view", "area", "layers", "colour", "zone", "units"];
+const MAP_KEYS = [...ALL_KEYS, "view", "area", "layers", "colour", "hour", "days", "zone", "units"];
 /** @type {Keys} */
 const OVERLAY_KEYS = [...ALL_KEYS, "view", "time", "tail", "range", "hover", "pointer", "place"];
 /** @type {Keys} */
@@ -54,6 +56,8 @@ function initialState(scene) {
     area: 0,
     layers: initialLayers(scene),
     colour: "layer",
+    hour: ALL_HOURS,
+    days: "all",
     track: null,
     time: 0,
     playing: false,
@@ -69,7 +73,7 @@ function initialState(scene) {
     pointer: null,
     place: null,
     units: scene.geographic ? "km" : "m",
-    zone: "UTC",
+    zone: scene.archives.find(({ history }) => history?.zone)?.history?.zone ?? "UTC",
     theme: DARK.matches ? "dark" : "light",
     size: 0,
   };
@@ -124,7 +128,7 @@ function addPane(scene, archive) {
 function deriveState(app) {
   const { store } = app;
   store.on(
-    ["colour", "track", "zone", "units", "aligned", "theme"],
+    ["colour", "hour", "days", "track", "zone", "units", "aligned", "theme"],
     () => (app.colouring = colourScene(app.scene, store.state)),
   );
   store.on(["aligned"], () => setClock(app, clockExtent(app)[0]));
@@ -238,6 +242,7 @@ function startPage(scene) {
   startSettings(app, { fit: () => fitArea(app) });
   startTransport(app);
   startPanel(app);
+  startHistory(app);
   buildBytes(app);
   hideEmpty(scene);
   watchSizes(app, plot);

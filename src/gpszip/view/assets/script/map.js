@@ -25,7 +25,8 @@
  */
 
 import { THEMES, makePalette, toPixels } from "./colours.js";
-import { drawGraticule, drawLabels, drawScale, drawText } from "./graticule.js";
+import { drawGraticule, drawLabels, drawScale } from "./graticule.js";
+import { drawHistory, drawNumber } from "./historymap.js";
 import { drawArrows, drawLines } from "./lines.js";
 import { countPoints, paintPoints } from "./pixels.js";
 import { buildPyramid, visitPoints } from "./pyramid.js";
@@ -146,6 +147,7 @@ export function drawMap(app, pane) {
   if (layers.fresh && archive.newEdges) drawPlain(frame, archive.newEdges, theme.fresh, 3.5);
   if (layers.gaps) drawGaps(frame, archive);
   if (layers.knots) drawKnots(frame, archive.nodes);
+  drawHistory(app, pane, frame);
   if (layers.errors) drawErrors(app, pane, frame);
   drawLabels(frame, labels);
   if (layers.scale) drawScale(frame, units);
@@ -347,15 +349,12 @@ function drawErrors(app, pane, frame) {
 
   // The worst places, numbered.
   app.worst[pane.archive.index].forEach((place, i) => {
-    const [x, y] = toScreen(frame, place);
     ctx.lineWidth = 1.75;
+    ctx.strokeStyle = theme.error;
     ctx.beginPath();
     addErrorLine(frame, pane.archive, place.sample);
-    ctx.moveTo(x + 6, y);
-    ctx.arc(x, y, 6, 0, 2 * Math.PI);
-    ctx.strokeStyle = theme.error;
     ctx.stroke();
-    drawText(frame, String(i + 1), x + 9, y - 6, "left");
+    drawNumber(frame, place, String(i + 1), theme.error);
   });
 }
 

@@ -7,7 +7,7 @@
 import { sceneColours } from "./colouring.js";
 import { CATEGORIES, THEMES } from "./colours.js";
 import { clockEpoch, clockShift, setClock } from "./clock.js";
-import { fillSelect, find, findInput, make, makeButton, makeTable, show } from "./dom.js";
+import { fillSelect, find, findInput, make, makeJumps, makeTable, show } from "./dom.js";
 import { areaAt } from "./follow.js";
 import { formatBytes, formatCount, formatLength } from "./format.js";
 import { LAYERS, sceneLayers } from "./layers.js";
@@ -35,7 +35,9 @@ export function startPanel(app) {
   buildNumbers(app);
   store.on(["layers", "theme"], () => updateLayers(app));
   store.on(["track", "units", "aligned"], () => updateTrack(app));
-  store.on(["colour", "track", "units", "zone", "aligned", "theme"], () => updateLegend(app));
+  store.on(["colour", "hour", "days", "track", "units", "zone", "aligned", "theme"], () =>
+    updateLegend(app),
+  );
   store.on(["range", "track", "units", "zone", "aligned"], () => updateRangeFacts(app));
   store.on(["place", "units", "zone", "aligned"], () => updatePlace(app));
   store.on(["units", "zone", "aligned"], () => buildWorst(app));
@@ -254,22 +256,18 @@ function buildWorst(app) {
     Math.max(...times.flat()),
   ]);
 
-  // One button for each place, which goes there.
-  const items = archives.flatMap((archive, index) =>
+  const jumps = archives.flatMap((archive, index) =>
     app.worst[index].map((place, i) => {
-      const button = makeButton("", () => goToError(app, index, i));
       const name = archives.length > 1 ? `${archive.index ? "B" : "A"} ` : "";
       const time = formatListed(times[index][i], clockEpoch(app), zone, extent);
-      button.append(
-        make("span", {}, `${name}${i + 1}`),
-        make("span", { class: "space" }, formatLength(place.error, units)),
-        make("span", {}, time),
-      );
-      return make("li", {}, button);
+      return {
+        cells: [`${name}${i + 1}`, formatLength(place.error, units), time],
+        go: () => goToError(app, index, i),
+      };
     }),
   );
-  find("worst").replaceChildren(...items);
-  show(find("worst-section"), items.length > 0);
+  find("worst").replaceChildren(...makeJumps(jumps));
+  show(find("worst-section"), jumps.length > 0);
 }
 
 /**

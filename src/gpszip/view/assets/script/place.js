@@ -6,8 +6,9 @@
  */
 
 import { clockEpoch, clockExtent, clockShift } from "./clock.js";
-import { make, makeButton, makeTable } from "./dom.js";
-import { formatCount, formatCountOf, formatLength, formatSpeed } from "./format.js";
+import { make, makeJumps, makeTable } from "./dom.js";
+import { jumpToSpan } from "./follow.js";
+import { formatCount, formatCountOf, formatDuration, formatLength, formatSpeed } from "./format.js";
 import { formatPosition } from "./graticule.js";
 import { lineLength } from "./lines.js";
 import { calendar, formatListed } from "./times.js";
@@ -15,6 +16,9 @@ import { findPasses, toSegment } from "./walks.js";
 
 /** Passes that are listed. */
 const MAX_LISTED = 200;
+
+/** Places of a history that are described at most. */
+const MAX_PLACES = 3;
 
 /** Hours of a day. */
 const HOURS = 24;
@@ -40,8 +44,11 @@ export function describePlace(app, visit) {
   for (const archive of app.scene.archives) {
     const name = app.scene.archives.length > 1 ? archive.name : "";
     const edge = nearestEdge(archive.clean, place);
+    if (archive.history) elements.push(...describeHistory(app, archive, archive.history, place));
     if (edge >= 0)
-      elements.push(makeTable(edgeRows(app, archive, edge), name || "Edge of the clean map"));
+      elements.push(
+        makeTable(edgeRows(app, archive, edge), `${name} Edge ${edge} of the clean map`.trim()),
+      );
     const chosen = place.track === null ? undefined : archive.tracks.numbers.get(place.track);
     const passes = findPasses(archive, place, chosen);
     const timeOf = (/** @type {Pass} */ pass) => pass.time - clockShift(app, archive, pass.track);
@@ -49,6 +56,45 @@ export function describePlace(app, visit) {
     elements.push(...describePasses(app, archive, passes, visit));
   }
   return elements;
+}
+
+/**
+ * Tables of the places of a history at a position: what is known of each, and why.
+ * @param {App} app
+ * @param {import("./scene.js").Archive} archive
+ * @param {import("./history.js").History} history
+ * @param {{x: number, y: number, radius: number}} at
+ * @returns {HTMLElement[]}
+ */
+function describeHistory(app, archive, { places, stays }, at) {
+  const { zone } = app.store.state;
+  const near = (places ?? []).filter(({ x, y, spread }) => {
+    return Math.hypot(x - at.x, y - at.y) <= at.radius + spread;
+  });
+  return near.slice(0, MAX_PLACES).flatMap((place) => {
+    const own = stays.filter((stay) => stay.place === place.number);
+    /** @type {[string, string][]} */
+    const rows = [
+      ["Visits", formatCount(place.visits)],
+      ["Time spent", formatDuration(place.dwell)],
+      ["Usual hours", place.usual && `${place.usual} h`],
+      ["Perhaps", place.role],
+      ["Evidence", place.evidence],
+      ["Trips to, from", `${formatCount(place.arrivals)}, ${formatCount(place.departures)}`],
+    ];
+    const known = rows.filter(([, text]) => text);
+    const jumps = own.slice(0, MAX_LISTED).map((stay) => {
+      const shift = clockShift(app, archive, stay.track);
+      const when = formatListed(stay.start - shift, clockEpoch(app), zone, clockExtent(app));
+      const name = archive.tracks.ids.length > 1 ? archive.tracks.ids[stay.track] : "";
+      const go = () => jumpToSpan(app, archive, stay);
+      return { cells: [when, name, formatDuration(stay.end - stay.start)], go };
+    });
+    return [
+      makeTable(known, `Place ${place.number}`),
+      make("ul", { class: "jumps passes" }, ...makeJumps(jumps)),
+    ];
+  });
 }
 
 /**
@@ -112,21 +158,17 @@ function describePasses(app, archive, passes, visit) {
   if (epoch === "unix") elements.push(...speedsByHour(passes, zone, units));
 
   // One button for each pass, which goes there.
-  const list = make("ul", { class: "passes" });
-  for (const pass of passes.slice(0, MAX_LISTED)) {
+  const jumps = passes.slice(0, MAX_LISTED).map((pass) => {
     const shift = clockShift(app, archive, pass.track);
     const time = formatListed(pass.time - shift, clockEpoch(app), zone, clockExtent(app));
-    const button = makeButton("", () => visit(pass, archive));
     const name = archive.tracks.ids.length > 1 ? archive.tracks.ids[pass.track] : "";
     const speed = Number.isNaN(pass.speed) ? "" : formatSpeed(pass.speed, units);
-    button.append(
-      make("span", {}, time),
-      make("span", { class: "space" }, name),
-      make("span", {}, `${arrow(pass.heading)} ${speed}`),
-    );
-    list.append(make("li", {}, button));
-  }
-  elements.push(list);
+    return {
+      cells: [time, name, `${arrow(pass.heading)} ${speed}`],
+      go: () => visit(pass, archive),
+    };
+  });
+  elements.push(make("ul", { class: "jumps passes" }, ...makeJumps(jumps)));
   if (passes.length > MAX_LISTED) {
     elements.push(
       make("p", { class: "hint" }, `and ${formatCount(passes.length - MAX_LISTED)} more`),

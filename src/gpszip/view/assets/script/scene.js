@@ -61,6 +61,7 @@
  * @property {Knots} knots
  * @property {Raw | null} raw
  * @property {Kept | null} kept
+ * @property {import("./history.js").History | null} history
  *
  * @typedef {object} Scene
  * @property {string} title
@@ -74,6 +75,7 @@
  */
 
 import { decodeBlock } from "./blocks.js";
+import { decodeHistory } from "./history.js";
 
 /** Version of the data that this script reads. */
 const SCENE_VERSION = 1;
@@ -135,6 +137,7 @@ async function decodeArchive(data, index) {
     knots: isLog ? samplesAsKnots(raw) : await decodeKnots(data.knots, tracks, nodes),
     raw,
     kept: data.kept && (await decodeKept(data.kept)),
+    history: await decodeHistory(data.history),
   };
 }
 

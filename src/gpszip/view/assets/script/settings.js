@@ -28,7 +28,7 @@ export function startSettings(app, { fit }) {
     store.state.units,
   );
   find("units").addEventListener("change", () => store.set({ units: findInput("units").value }));
-  fillSelect(find("zone"), zoneNames(), store.state.zone);
+  fillSelect(find("zone"), zoneNames(store.state.zone), store.state.zone);
   find("zone").addEventListener("change", () => store.set({ zone: findInput("zone").value }));
   show(find("zone-label"), scene.epoch === "unix");
   fillSelect(
@@ -64,11 +64,12 @@ function summary({ archives }) {
 }
 
 /**
- * Names of time zones: UTC, the browser's own, and all others.
+ * Names of time zones: UTC, the browser's own, that of the page, and all others.
+ * @param {string} chosen
  * @returns {[string, string][]}
  */
-function zoneNames() {
+function zoneNames(chosen) {
   const own = Intl.DateTimeFormat().resolvedOptions().timeZone;
-  const names = new Set([UTC, own, ...Intl.supportedValuesOf("timeZone")]);
+  const names = new Set([UTC, own, chosen, ...Intl.supportedValuesOf("timeZone")]);
   return [...names].map((name) => [name, name === own && own !== UTC ? `${name} (here)` : name]);
 }

@@ -11,6 +11,8 @@
  * @property {number} area number of the area (plane) that is shown
  * @property {Record<string, boolean>} layers which layers are on
  * @property {string} colour what colours stand for
+ * @property {number} hour of the day for which the use of edges is shown; -1 for all
+ * @property {string} days of the week for which it is shown
  * @property {string | null} track id of the chosen track; null for all
  * @property {number} time of the clock
  * @property {boolean} playing

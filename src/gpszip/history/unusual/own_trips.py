@@ -1,0 +1,222 @@
+"""Trips of an archive, scored by what its other trips did, and what it would have predicted.
+
+A trip that is known is never unusual. So a part of the trips teaches what is usual, and the others
+are scored: those since a time by the trips before it, or every second trip by those between them,
+and the other way round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.errors import OptionError
+from gpszip.history.prediction.trips import MIN_STOP
+from gpszip.history.traversals import History, Traversals
+from gpszip.history.unusual.log_trips import LogTrip
+from gpszip.history.unusual.unusual import Usual
+from gpszip.model.unusual import Unusual, UnusualTrip
+
+__all__ = ["Foresight", "OwnTrips", "score_own_trips"]
+
+#: Trips that teach, and trips that are scored, at least: with fewer, all are unusual.
+_MIN_TRIPS = 4
+
+#: Seconds without a traversal after which a new trip begins.
+_MIN_GAP = 300.0
+
+#: Traversals that are scored at most, those of the latest trips: 9 s of CPU on a log of buses.
+_MAX_SCORED = 30_000
+
+#: Decisions that are predicted at most: 0.2 s of CPU.
+_MAX_DECISIONS = 2_000
+
+#: Edges before a decision that count.
+_LOOK_BACK = 256
+
+Mask = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Foresight:
+    """How well the next edge is predicted where there are two ways on or more.
+
+    Parameters
+    ----------
+    decisions : int
+        Decisions that were predicted.
+    right : float
+        Share of them whose likeliest edge was taken.
+    bits : float
+        Mean of -log2 of the probability of the edge that was taken.
+    """
+
+    decisions: int
+    right: float
+    bits: float
+
+
+@dataclass(frozen=True, eq=False)
+class OwnTrips:
+    """Trips of an archive with their scores, and how well the others foresaw them.
+
+    Parameters
+    ----------
+    unusual : Unusual
+        The trips that were scored, in the order of the log.
+    foresight : Foresight or None
+        None where no trip comes to a crossing.
+    left_out : int
+        Trips that were not scored: those before ``since``, and the oldest of very many.
+    """
+
+    unusual: Unusual
+    foresight: Foresight | None
+    left_out: int
+
+
+def score_own_trips(
+    history: History,
+    since: float | None = None,
+    spans: Sequence[tuple[str, float, float]] | None = None,
+    timezone: str | None = None,
+) -> OwnTrips:
+    """Score trips of an archive by what others of its trips did.
+
+    Parameters
+    ----------
+    history : History
+        Traversals of the archive.
+    since : float, optional
+        Trips that begin from this time on, in seconds, are scored by those before. By default,
+        every second trip is scored by the others, and the other way round.
+    spans : sequence of (str, float, float), optional
+        Trips: name of the track, begin and end in seconds, such as those that lead from place to
+        place. By default, a trip ends with a gap or a stop of five minutes.
+    timezone : str, optional
+        Time zone of hours; by default that of the place, else UTC.
+
+    Returns
+    -------
+    OwnTrips
+        Scores and reasons are those of :func:`gpszip.unusual`.
+
+    Raises
+    ------
+    OptionError
+        If there are no times, or too few trips.
+
+    Examples
+    --------
+    >>> import gpszip
+    >>> from gpszip.history.traversals import read_history
+    >>> times = np.arange(0.0, 16000.0, 20.0)
+    >>> x = np.interp(times % 1600, [0, 600, 800, 1400, 1600], [0, 0, 900, 900, 0])
+    >>> track = gpszip.Track("bus", times, np.stack([x, 0 * x], axis=1))
+    >>> own = score_own_trips(read_history(gpszip.compress(track, rmse=5.0, effort=1)))
+    >>> own.unusual, own.left_out
+    (Unusual(11 trips, 0 absences), 0)
+    """
+    # Trips with times, in the order of time, and which of them teach which others.
+    network, rows = history
+    rows = rows.take(np.isfinite(rows.enter))
+    if not len(rows):
+        raise OptionError("no track has times, so there are no trips to compare")
+    number = np.cumsum(_trip_begins(rows)) if spans is None else _number_spans(rows, spans)
+    rows, number = rows.take(number >= 0), number[number >= 0]
+    first = np.flatnonzero(np.diff(number, prepend=-1))
+    end = np.append(first[1:], len(rows)) if len(first) else first
+    of_row = np.repeat(np.arange(len(first)), end - first)
+    times = np.stack([rows.enter[first], rows.leave[end - 1]], axis=1)
+    if spans is not None:
+        times = np.array([spans[each][1:] for each in number[first].tolist()]).reshape(-1, 2)
+    begins = times[:, 0]
+    place = np.empty(len(first), np.int64)
+    place[np.argsort(begins, kind="stable")] = np.arange(len(first))
+    after = place % 2 == 0 if since is None else begins >= since
+    if min(after.sum(), (~after).sum()) < _MIN_TRIPS:
+        raise OptionError("there are too few trips to tell what is usual")
+
+    # The latest ones, if there are many.
+    latest = np.argsort(-place)
+    is_scored = np.zeros(len(first), np.bool_)
+    is_scored[latest[np.cumsum((end - first)[latest]) <= _MAX_SCORED]] = True
+    folds = [(after, ~after)] if since is not None else [(after, ~after), (~after, after)]
+
+    # Learn from one part, and score the other one.
+    scored: dict[int, UnusualTrip] = {}
+    told: list[tuple[float, bool]] = []
+    for asked, known in folds:
+        usual = Usual(History(network, rows.take(known[of_row])), timezone)
+        for trip in np.flatnonzero(asked & is_scored).tolist():
+            own = np.arange(first[trip], end[trip])
+            track = int(rows.track[own[0]])
+            asked_trip = LogTrip(track, float(begins[trip]), float(times[trip, 1]), own, ())
+            scored[trip] = usual.score(asked_trip, rows.ids[track], rows)
+        told += _predict(usual, rows, asked[of_row], _MAX_DECISIONS // len(folds))
+
+    # All of them.
+    found = Unusual(tuple(scored[trip] for trip in sorted(scored)), (), network.plane is not None)
+    return OwnTrips(found, _sum_up(told), len(first) - len(scored))
+
+
+def _trip_begins(rows: Traversals) -> Mask:
+    """Whether a trip begins with each traversal: at a track's start, after a gap or a long stop."""
+    stood = np.append(True, np.nan_to_num(rows.standing) >= MIN_STOP)[: len(rows)]
+    is_other = np.append(True, np.diff(rows.track) != 0)[: len(rows)]
+    gap = np.append(0.0, rows.enter[1:] - rows.leave[:-1])[: len(rows)]
+    begins: Mask = stood | is_other | (gap >= _MIN_GAP)
+    return begins
+
+
+def _number_spans(rows: Traversals, spans: Sequence[tuple[str, float, float]]) -> Ints:
+    """Last span with which each traversal has some time in common, shape (n,); -1 for none."""
+    number = np.full(len(rows), -1, np.int64)
+    bounds = np.searchsorted(rows.track, np.arange(len(rows.ids) + 1)).tolist()
+    for track, id in enumerate(rows.ids):
+        own = [(start, end, i) for i, (name, start, end) in enumerate(spans) if name == id]
+        if not own:
+            continue
+        starts, ends, numbers = (np.array(each) for each in zip(*sorted(own), strict=True))
+        part = slice(bounds[track], bounds[track + 1])
+        last = np.searchsorted(starts, rows.leave[part]) - 1
+        is_inside = (last >= 0) & (rows.enter[part] < ends[last])
+        number[part] = np.where(is_inside, numbers[last], -1)
+    return number
+
+
+def _predict(usual: Usual, rows: Traversals, asked: Mask, most: int) -> list[tuple[float, bool]]:
+    """Probability of the edge taken, and whether it was the likeliest, at some decisions."""
+    # Decisions: edges that are followed by another one, and have two ways on besides the way back.
+    options = usual.model.options
+    ways = np.array([len(row) for row in options])
+    follows = np.append(~rows.starts[1:], False)
+    decisions = np.flatnonzero(asked & follows & (ways[rows.directed] > 2))
+    decisions = decisions[np.linspace(0, len(decisions) - 1, min(most, len(decisions))).astype(int)]
+
+    # What the route before each tells.
+    begins = np.flatnonzero(rows.starts)
+    first = begins[np.searchsorted(begins, decisions, side="right") - 1]
+    hours = usual.hours(rows)
+    told = []
+    for start, row in zip(np.maximum(first, decisions - _LOOK_BACK), decisions, strict=True):
+        route = rows.directed[start : row + 1].tolist()
+        if int(rows.directed[row + 1]) not in options[route[-1]]:
+            continue
+        hour, agent = int(hours[row]), usual.predictor.agent_number(rows.ids[rows.track[row]])
+        chances = usual.model.predict(route, None if hour < 0 else hour, agent)
+        taken = options[route[-1]].index(int(rows.directed[row + 1]))
+        told.append((chances[taken], chances[taken] == max(chances)))
+    return told
+
+
+def _sum_up(told: list[tuple[float, bool]]) -> Foresight | None:
+    if not told:
+        return None
+    chances, right = np.array(told).T
+    bits = float(-np.log2(np.maximum(chances, 1e-9)).mean())
+    return Foresight(len(told), float(right.mean()), bits)

@@ -1,0 +1,87 @@
+"""Trips of an archive, scored by what its other trips did."""
+
+import numpy as np
+import pytest
+
+from gpszip.errors import OptionError
+from gpszip.history.traversals import History
+from gpszip.history.unusual.own_trips import _number_spans, score_own_trips
+from guard_log import ODD_ROUND, ROUNDS, START, guard_archive, guard_findings
+
+
+@pytest.fixture(scope="module")
+def spans():
+    return [(trip.track, trip.start, trip.end) for trip in guard_findings().trips.trips]
+
+
+def test_the_trip_that_goes_another_way_is_the_most_unusual(spans):
+    own = guard_findings().unusual
+    first, second, *_ = own.unusual.ranked
+    assert (first.start, first.end) == spans[ODD_ROUND][1:]
+    assert first.score > second.score + 5
+    assert first.anomalies
+    assert "rare turn" in first.reason
+    assert (len(own.unusual), own.left_out) == (ROUNDS, 0)
+
+
+def test_where_all_go_one_way_the_next_edge_is_foreseen():
+    foresight = guard_findings().unusual.foresight
+    assert foresight.decisions > ROUNDS
+    assert 0.9 < foresight.right < 1.0
+    assert 0.0 < foresight.bits < 1.0
+
+
+def test_trips_since_a_time_are_scored_by_those_before(spans):
+    history = guard_findings().history
+    since = spans[ODD_ROUND - 1][1] - 100.0
+    own = score_own_trips(history, since, spans)
+    assert len(own.unusual) == ROUNDS - ODD_ROUND + 1
+    assert own.left_out == ODD_ROUND - 1
+    assert own.unusual.ranked[0].start == spans[ODD_ROUND][1]
+
+
+def test_without_spans_trips_end_with_long_stops():
+    """An agent stands on the edge at the station, which is the last one of its trip."""
+    history = guard_findings().history
+    own = score_own_trips(history)
+    rows = history.traversals
+    assert len(own.unusual) == 1 + int((rows.standing[:-1] >= 300).sum())
+    ends = [trip.end for trip in own.unusual.trips]
+    assert ends == rows.leave[[*np.flatnonzero(rows.standing[:-1] >= 300), len(rows) - 1]].tolist()
+
+
+def test_a_traversal_belongs_to_the_last_span_that_has_some_of_its_time():
+    rows = guard_findings().history.traversals
+    (name,) = guard_archive().ids
+    random = np.random.default_rng(2)
+    edges = np.sort(random.uniform(rows.enter.min(), rows.leave.max(), 14)).reshape(-1, 2)
+    spans = [(name, *edge) for edge in random.permutation(edges).tolist()]
+    spans += [("another", START, START + 1e6)]
+
+    # A plain search.
+    expected = []
+    for enter, leave in zip(rows.enter, rows.leave, strict=True):
+        own = [
+            (start, i)
+            for i, (track, start, end) in enumerate(spans)
+            if track == name and start < leave and enter < end
+        ]
+        last = max(
+            (
+                (start, i)
+                for i, (track, start, _) in enumerate(spans)
+                if track == name and start < leave
+            ),
+            default=(0, -1),
+        )
+        expected.append(last[1] if last in own else -1)
+    assert _number_spans(rows, spans).tolist() == expected
+    assert -1 in expected
+
+
+def test_too_few_trips_and_tracks_without_times_are_refused(spans):
+    network, rows = guard_findings().history
+    with pytest.raises(OptionError, match="too few trips"):
+        score_own_trips(History(network, rows), spans[-2][1], spans)
+    with pytest.raises(OptionError, match="no track has times"):
+        score_own_trips(History(network, rows.take(np.zeros(len(rows), bool))))
