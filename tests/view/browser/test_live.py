@@ -33,8 +33,11 @@ class LivePage(Page):
 
     def rows(self, id):
         """Texts of the rows of a list."""
-        rows = self.run("return [...document.getElementById(arguments[0]).children]", id)
-        return [row.text.replace("\u202f", " ") for row in rows]
+        # At once, as rows may go while they are read.
+        script = (
+            "return [...document.getElementById(arguments[0]).children].map((r) => r.innerText)"
+        )
+        return [text.replace("\u202f", " ") for text in self.run(script, id)]
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ import { areaAt } from "./follow.js";
 import { choosePlace, listenToPane } from "./gestures.js";
 import { formatPosition } from "./graticule.js";
 import { toggleHelp } from "./keys.js";
+import { ALL_HOURS } from "./history.js";
 import { initialLayers } from "./layers.js";
 import { drawLive } from "./livedraw.js";
 import { listenToLiveKeys } from "./livekeys.js";
@@ -81,6 +82,8 @@ function liveState(scene) {
     zone: "UTC",
     theme: PREFERS_DARK.matches ? "dark" : "light",
     size: 0,
+    hour: ALL_HOURS,
+    days: "all",
   };
 }
 
