@@ -38,6 +38,7 @@ PAGES = {
     "docs/tutorial.md": (),
     "docs/robots.md": (),
     "docs/fleets.md": ("monday", "tuesday"),
+    "docs/events.md": (),
     "docs/phones.md": (),
     "docs/trips.md": (),
     "docs/lossless.md": (),

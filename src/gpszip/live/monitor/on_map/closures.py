@@ -17,7 +17,7 @@ from gpszip.live.monitor.on_map.passes import Pass
 __all__ = ["ClosureWatch"]
 
 #: False alarms a day for which the threshold is chosen, as for ``gpszip changes``.
-_FALSE_ALARMS = 0.2
+_FALSE_ALARMS = 0.1
 
 #: Share of the threshold from which an edge is suspected to be closed.
 _SUSPECTED = 0.6
