@@ -185,6 +185,30 @@ def test_a_stop_where_nobody_stops_is_told_once(road):
     assert stop.details["since"] == 1.75e9 + 40
 
 
+def test_a_stop_where_trips_end_is_none_on_the_way(road):
+    places = [*[(0.0, 300 - 50.0 * n) for n in range(6)], *[(0.0, 50.0)] * 100]
+    found = drive(road, places)
+    assert "stay.start" in [event.kind for event in found]
+    assert not [event for event in found if event.kind == "unusual.stop"]
+
+
+def test_whoever_stays_is_not_late_and_goes_nowhere(road):
+    # A phone that lies at its goal is silent until long after it has arrived.
+    square = np.array([[0, 0], [800, 0], [800, 300], [0, 300], [0, 20]], float)
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(square, axis=0), axis=1))])
+    way = [np.interp(np.arange(0, along[-1], 50.0), along, axis) for axis in square.T]
+    times = [5.0 * n for n in range(len(way[0]))]
+    places = list(zip(*way, strict=True)) + [(0.0, 5.0 * (n % 2)) for n in range(20)]
+    times += [times[-1] + 1800.0 * n for n in range(1, 21)]
+    monitor, found = monitor_on(road, silent_after=7200.0), []
+    for time, place in zip(times, places, strict=True):
+        found += monitor.push(Fix("van", "test", 1.75e9 + time, 1.75e9 + time, place, False))
+    arrived = 1.75e9 + times[len(way[0])]
+    assert any(event.kind == "predicted" for event in found)
+    assert not [event for event in found if event.kind == "late"]
+    assert all(event.time < arrived for event in found if event.kind == "predicted")
+
+
 def test_a_slow_drive_is_told_once(fleet, known_map, events):
     # All of it takes four times as long.
     track = fleet[1][0]

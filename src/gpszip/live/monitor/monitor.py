@@ -174,7 +174,7 @@ class Monitor:
         for agent in self._agents.values():
             for fix in agent.buffer.flush():
                 events += self._use(agent, fix)
-            events += agent.read(self._clock)
+            events += agent.read(self._clock, goes_on=False)
             if agent.on_map is not None:
                 events += agent.on_map.rest(is_over=False)
                 if self._watch is not None:

@@ -65,9 +65,18 @@ class MapTracker:
         """Whether the agent has a matcher, which takes memory."""
         return self._matcher is not None
 
-    def take(self, fix: Fix) -> list[Event]:
-        """Return the events after the next fix in time."""
+    def take(self, fix: Fix, *, is_staying: bool = False) -> list[Event]:
+        """Return the events after the next fix in time.
+
+        Parameters
+        ----------
+        fix : Fix
+            Later than those before.
+        is_staying : bool, default False
+            Whether the agent stays in place, where it goes nowhere.
+        """
         self._received = fix.received
+        self._outlook.note_stay(is_staying=is_staying)
         events = self._match(fix)
         here = self._here
         if here is not None and here.time == fix.time and not here.off_map:
