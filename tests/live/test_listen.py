@@ -111,6 +111,8 @@ def test_lines_that_wait_for_others_are_stored_before_the_end(tmp_path):
         (["--nmea", "."], 1, "is a folder"),
         (["--topic", "/odom"], 2, "--topic needs --ros"),
         (["--max-rate", "0"], 2, "not in the range x>0"),
+        (["--max-rate", "nan"], 2, "nan is no number of requests"),
+        (["-o", ""], 2, "no address of events"),
         (["--owntracks-keys", "none"], 1, "can't be read"),
         (["--name", "x" * 91], 2, "give at most 90 letters"),
         (["--name", "a\nb"], 2, "give at most 90 letters"),
