@@ -127,7 +127,7 @@ class AgentMonitor:
         # A trip is over where a stay begins, or where a gap is long.
         if was_silent or any(event.kind == "silent" for event in events):
             events += self.on_map.rest(is_over=True)
-        events += self.on_map.take(fix, is_staying=self._stays.is_staying)
+        events += self.on_map.take(fix, stays_since=self._stays.since)
         if self._stays.is_staying and not was_staying:
             events += self.on_map.rest(is_over=True)
         return events

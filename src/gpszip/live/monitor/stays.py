@@ -99,6 +99,11 @@ class StayTracker:
         """Whether the agent stays in place, as far as was read."""
         return self._place is not None
 
+    @property
+    def since(self) -> float | None:
+        """Seconds at which the stay began that goes on; None on the way."""
+        return None if self._place is None else self._place.since
+
     def take(self, fix: Fix, capacity: int) -> list[Event]:
         """Return the events after a fix, the newest of the window.
 
