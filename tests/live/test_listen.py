@@ -130,6 +130,9 @@ def test_a_table_without_positions_is_an_error(listen):
     code, told = listen("hello,world\n1,2\n")
     assert code == 1
     assert "standard input: " in told.err
+    # Nor are there times without a column of them, for which compress has --no-times.
+    code, told = listen("id,lat,lon\nann,48,11\n")
+    assert (code, "no column of times" in told.err, "--no-times" in told.err) == (1, True, False)
 
 
 def walk(first, count):
