@@ -112,6 +112,8 @@ def test_lines_that_wait_for_others_are_stored_before_the_end(tmp_path):
         (["--nmea", "."], 1, "is a folder"),
         (["--topic", "/odom"], 2, "--topic needs --ros"),
         (["--max-rate", "0"], 2, "not in the range x>0"),
+        (["--max-rate", "nan"], 2, "nan is no number of requests"),
+        (["-o", ""], 2, "no address of events"),
         (["--owntracks-keys", "none"], 1, "can't be read"),
         (["--name", "x" * 91], 2, "give at most 90 letters"),
         (["--name", "a\nb"], 2, "give at most 90 letters"),
@@ -129,6 +131,9 @@ def test_a_table_without_positions_is_an_error(listen):
     code, told = listen("hello,world\n1,2\n")
     assert code == 1
     assert "standard input: " in told.err
+    # Nor are there times without a column of them, for which compress has --no-times.
+    code, told = listen("id,lat,lon\nann,48,11\n")
+    assert (code, "no column of times" in told.err, "--no-times" in told.err) == (1, True, False)
 
 
 def walk(first, count):

@@ -86,6 +86,14 @@ def test_a_sink_that_fails_gets_all_events_later_and_one_that_refuses_is_passed_
     assert len(refusing.taken) == 5 - left_out < 5
 
 
+def test_who_refuses_is_named_without_what_may_be_secret(tmp_path):
+    told = []
+    sinks = {name: Taking(refusals=1) for name in ("-", "a.ndjson", "https://u:p@h:8/token?key=k")}
+    deliver(tmp_path, sinks, [event(1)], notices=Notices(told.append))
+    names = ("standard output", "a.ndjson", "https://h:8")
+    assert sorted(told) == sorted(f"{name}: events refused (never)" for name in names)
+
+
 def test_a_line_that_was_cut_off_is_no_event(tmp_path):
     deliver(tmp_path, {"a": Taking()}, [event(1)])
     with (tmp_path / "events").open("ab") as file:

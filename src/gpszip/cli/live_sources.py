@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping
 from datetime import tzinfo
@@ -19,6 +20,14 @@ _MAX_NAME_LETTERS = 90
 
 #: Variable of the environment with the key of encrypted messages of OwnTracks.
 KEY_VARIABLE = "GPSZIP_OWNTRACKS_KEY"
+
+
+def _check_rate(_context: click.Context, _parameter: click.Parameter, rate: float) -> float:
+    """Refuse what is in no range, and limits nothing."""
+    if math.isnan(rate):
+        raise click.BadParameter("nan is no number of requests; give one such as 1000")
+    return rate
+
 
 _OPTIONS = (
     click.option(
@@ -63,6 +72,7 @@ _OPTIONS = (
         metavar="NUMBER",
         type=click.FloatRange(min=0, min_open=True),
         default=1_000.0,
+        callback=_check_rate,
         show_default="1000",
         help="Requests to --http of one sender in a second; faster ones have to come again.",
     ),

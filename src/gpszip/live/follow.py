@@ -96,6 +96,10 @@ class Follower:
 
     async def run(self) -> None:
         """Follow the journal until the task is cancelled."""
+        # What the last process stored; then no agent was heard of as long as nobody listened.
+        while await self._whole(self._step()):
+            pass
+        self._monitor.resume(time.time())
         while True:
             while await self._whole(self._step()):
                 pass

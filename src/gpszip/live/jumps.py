@@ -21,8 +21,9 @@ _TOLERANCE = 1.0
 #: Metres a second squared; 1 g, more than any robot or car accelerates.
 _ACCELERATION = 10.0
 
-#: Metres a second that an agent may have become faster between two fixes, however far apart.
-_MAX_GAIN = 10.0
+#: Metres a second that an agent may have become faster between two fixes, however far apart: a car
+#: that stood at the last fix may be on a motorway at the next.
+_MAX_GAIN = 40.0
 
 #: Agents that are kept in memory; of more, the one unused for longest goes.
 _MAX_AGENTS = 20_000
@@ -44,7 +45,7 @@ class Jumps:
     """Marks fixes that no travel can have led to.
 
     A fix is a jump if it is further from the last one than an agent gets that accelerates with 1 g
-    from its last speed: ``d > 1 m + (v + min(a dt / 2, 10 m/s)) dt``. None of 121,434 poses of five
+    from its last speed: ``d > 1 m + (v + min(a dt / 2, 40 m/s)) dt``. None of 121,434 poses of five
     robots and of racing drones is taken for one.
 
     Parameters

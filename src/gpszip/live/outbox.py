@@ -17,6 +17,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from gpszip.errors import GPSZipError, InputError
 from gpszip.files.os_errors import as_output_error, explain_os_error
@@ -203,6 +204,14 @@ def _short(name: str) -> str:
     return f"{zlib.crc32(name.encode('utf-8', 'surrogateescape')):08x}"
 
 
+def _describe(name: str) -> str:
+    """Say which sink it is, without passwords and paths, which may be secret, too."""
+    if name == "-":
+        return "standard output"
+    url = urlsplit(name)
+    return f"{url.scheme}://{url.netloc.rpartition('@')[2]}" if "://" in name else name
+
+
 class _Delivery:
     """Sends events to one sink, in their order, again and again until it takes them."""
 
@@ -264,12 +273,13 @@ class _Delivery:
                 await self._sink.send(self._sending)
             except OSError as error:
                 reason = error.strerror and explain_os_error(error)
-                self._notices.note("events not sent yet", value=reason or str(error))
+                where = _describe(self.name)
+                self._notices.note("events not sent yet", where, reason or str(error))
                 await asyncio.sleep(pause)
                 pause = min(2 * pause, _RETRY_SECONDS[1])
                 continue
             except GPSZipError as error:
-                self._notices.note("events refused", value=error.detail)
+                self._notices.note("events refused", _describe(self.name), error.detail)
                 self._notices.count("events left out, as they were refused", len(self._sending))
             else:
                 self._notices.count("events sent", len(self._sending))

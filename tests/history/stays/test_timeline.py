@@ -32,6 +32,13 @@ def timeline(times, positions, accuracy=None, **settings):
     return build_timeline(choose_fixes(times, positions, accuracy), Settings(**settings))
 
 
+def timeline_so_far(times, positions, end):
+    """What is known once the fixes up to a time have come, while others follow."""
+    is_known = times <= end
+    fixes = choose_fixes(times[is_known], positions[is_known], None)
+    return build_timeline(fixes, Settings(), goes_on=True)
+
+
 def spans(items):
     return [(item.start, item.end) for item in items]
 
@@ -59,6 +66,30 @@ def test_red_lights_and_jams_are_no_stays():
     # ten minutes at 1 m/s
     jam = ((900, 0, 0), (200, 2000, 0), (600, 2600, 0), (200, 4600, 0), (900, 4600, 0))
     is_near(spans(timeline(*scene(*jam)).moves), [(900, 1900)])
+
+
+def test_a_turn_is_none_before_the_track_stays_again():
+    # Two minutes at the far end; then around it, now nearer to where it began, now farther away.
+    away = ((300, 3000, 0), (120, 3000, 0))
+    around = ((240, 600, 0), (240, 3000, 2000), (240, 600, 0), (600, 600, 0))
+    times, positions = scene((900, 0, 0), *away, *around)
+    told = [
+        spans(timeline_so_far(times, positions, end).stops)[1:]
+        for end in np.arange(1400.0, times[-1], 60.0)
+    ]
+    first = next(n for n, stops in enumerate(told) if stops)
+    assert all(len(stops) == len(told[-1]) for stops in told[first:])
+    # By where it is at that moment, it has turned already.
+    so_far = times <= 1560
+    assert len(timeline(times[so_far], positions[so_far]).stops) == 2
+
+
+def test_a_pause_is_one_once_the_trip_after_it_has_ended():
+    way = ((900, 0, 0), (300, 3000, 0), (500, 3000, 0), (300, 6000, 0), (900, 6000, 0))
+    times, positions = scene(*way)
+    on_the_way, there = (timeline_so_far(times, positions, end) for end in (1900, 2900))
+    assert [stop.pause for stop in on_the_way.stops] == [False, False]
+    assert [stop.pause for stop in there.stops] == [False, True, False]
 
 
 def test_a_wait_on_the_way_is_a_pause():

@@ -99,7 +99,11 @@ def test_events_agree_with_the_trips_of_a_fleet():
         gpszip.Track(track.id, track.times - tracks[0].times[0], track.positions)
         for track in tracks
     ]
-    assert_agrees(run(fixes), moved)
+    events = run(fixes)
+    assert_agrees(events, moved)
+
+    # Rounds lead there and back all day: what was told of one is not told again for each.
+    assert sum(event.revises is not None for event in events) <= 4
 
 
 @examples(3)
@@ -156,6 +160,20 @@ def test_what_comes_hours_later_revises_what_was_told(walker):
 
 def still(times, agent="ann", place=(48.0, 11.5), **more):
     return [Fix(agent, "test", START + t, START + t, place, **more) for t in times]
+
+
+def test_nobody_is_silent_by_a_night_in_which_nobody_listened():
+    first, second = Monitor(silent_after=600.0), Monitor(silent_after=600.0)
+    for fix in still(range(0, 400, 10)):
+        first.push(fix)
+    second.restore(json.loads(json.dumps(list(first.states()))))
+
+    # It may have been heard of: only what is missed from now on counts.
+    morning = START + 40_000
+    second.resume(morning)
+    assert [second.tick(morning + seconds) for seconds in (0, 500)] == [[], []]
+    (event,) = second.tick(morning + 700)
+    assert (event.kind, event.time) == ("silent", START + 390)
 
 
 def test_an_agent_is_silent_once_and_back_once():

@@ -1,6 +1,8 @@
 """Agents on the map of an archive."""
 
 import json
+from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -183,6 +185,56 @@ def test_a_stop_where_nobody_stops_is_told_once(road):
     places = [*[(50.0 * n, 0.0) for n in range(8)], *[(400.0, 0.0)] * 100]
     (stop,) = (event for event in drive(road, places) if event.kind == "unusual.stop")
     assert stop.details["since"] == 1.75e9 + 40
+
+
+def test_a_stop_where_trips_end_is_none_on_the_way(road):
+    places = [*[(0.0, 300 - 50.0 * n) for n in range(6)], *[(0.0, 50.0)] * 100]
+    found = drive(road, places)
+    assert "stay.start" in [event.kind for event in found]
+    assert not [event for event in found if event.kind == "unusual.stop"]
+
+
+@pytest.mark.parametrize("away", [0.0, 70.0])
+def test_errors_of_a_receiver_in_place_tell_nothing_again_and_again(road, away):
+    # The map takes errors for as large as they are, so that the agent seems to move on it, or to
+    # leave it and come back.
+    rough = KnownMap(
+        gpszip.compress(straight_map(), rmse=2.0, effort=1),
+        replace(road.scales, error=8.0, beta=24.0),
+    )
+    errors = np.random.default_rng(1).normal(0, 15, (2000, 2))
+    drift = [tuple(each) for each in np.array([400.0, -away]) + errors]
+    found = drive(rough, [*[(50.0 * n, 0.0) for n in range(9)], *drift], period=10.0)
+    told = Counter(event.kind for event in found)
+    assert told["stay.start"] == 1
+    kinds = ("off_map.start", "off_map.end", "unusual.stop", "unusual.turn", "wrong_way")
+    assert all(told[kind] <= 1 for kind in kinds), told
+
+
+def test_whoever_stays_off_the_map_comes_back_once(road):
+    out = [(400.0, -40.0 * n) for n in range(1, 8)]
+    way = [*[(50.0 * n, 0.0) for n in range(9)], *out, *[(400.0, -280.0)] * 60, *out[::-1]]
+    found = drive(road, [*way, *[(400.0 + 40 * n, 0.0) for n in range(10)]], period=10.0)
+    assert "stay.start" in [event.kind for event in found]
+    kinds = [event.kind for event in found if event.kind.startswith("off_map")]
+    assert kinds == ["off_map.start", "off_map.end"]
+
+
+def test_whoever_stays_is_not_late_and_goes_nowhere(road):
+    # A phone that lies at its goal is silent until long after it has arrived.
+    square = np.array([[0, 0], [800, 0], [800, 300], [0, 300], [0, 20]], float)
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(square, axis=0), axis=1))])
+    way = [np.interp(np.arange(0, along[-1], 50.0), along, axis) for axis in square.T]
+    times = [5.0 * n for n in range(len(way[0]))]
+    places = list(zip(*way, strict=True)) + [(0.0, 5.0 * (n % 2)) for n in range(20)]
+    times += [times[-1] + 1800.0 * n for n in range(1, 21)]
+    monitor, found = monitor_on(road, silent_after=7200.0), []
+    for time, place in zip(times, places, strict=True):
+        found += monitor.push(Fix("van", "test", 1.75e9 + time, 1.75e9 + time, place, False))
+    arrived = 1.75e9 + times[len(way[0])]
+    assert any(event.kind == "predicted" for event in found)
+    assert not [event for event in found if event.kind == "late"]
+    assert all(event.time < arrived for event in found if event.kind == "predicted")
 
 
 def test_a_slow_drive_is_told_once(fleet, known_map, events):

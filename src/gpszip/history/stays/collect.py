@@ -155,7 +155,7 @@ def _check(settings: Settings) -> None:
 
 
 def track_timeline(
-    track: TrackSamples, settings: Settings, places: Floats | None = None
+    track: TrackSamples, settings: Settings, places: Floats | None = None, *, goes_on: bool = False
 ) -> Timeline:
     """Find the stays and trips of one track.
 
@@ -167,12 +167,15 @@ def track_timeline(
         What counts as a stay and as a trip.
     places : float64 array, shape (k, d), optional
         Centres of places that are known from other stays.
+    goes_on : bool, default False
+        Whether the track goes on after its last sample, as while its fixes come.
     """
     # Errors are those of phones, unless places are small: then the receiver must be a better one.
     noise = math.hypot(min(DEFAULT_NOISE, _NOISE_SHARE * settings.radius), track.added_noise)
     least = math.hypot(min(MIN_NOISE, _NOISE_SHARE * settings.radius), track.added_noise)
     fixes = choose_fixes(track.times, track.positions, track.accuracy, noise=noise, min_noise=least)
-    return build_timeline(add_travel(fixes, track.seen_travel), settings, places)
+    fixes = add_travel(fixes, track.seen_travel)
+    return build_timeline(fixes, settings, places, goes_on=goes_on)
 
 
 def _read_history(track: TrackSamples, settings: Settings, places: Floats | None) -> _History:

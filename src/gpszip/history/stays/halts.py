@@ -46,13 +46,16 @@ _MIN_TURN_WAY = 3.0
 Floats = NDArray[np.float64]
 
 
-def choose_halts(fixes: Fixes, settings: Settings) -> list[Halt]:
-    """Return halts, with short ones at the far end of round trips, and both ends of long gaps."""
+def choose_halts(fixes: Fixes, settings: Settings, *, goes_on: bool = False) -> list[Halt]:
+    """Return halts, with short ones at the far end of round trips, and both ends of long gaps.
+
+    A track that goes on after its last fix has not turned back yet by where it is now.
+    """
     halts = find_halts(fixes, settings.min_stay, settings.radius) if len(fixes) > 1 else []
     halts = _add_gaps(fixes, halts, settings)
     halts = _merge_halts(fixes, halts, settings)
     halts = _drop_jumps(fixes, halts, settings)
-    return _add_turns(fixes, halts, settings)
+    return _add_turns(fixes, halts, settings, goes_on=goes_on)
 
 
 def _add_gaps(fixes: Fixes, halts: list[Halt], settings: Settings) -> list[Halt]:
@@ -172,7 +175,7 @@ def _is_seen(fixes: Fixes, one: Halt, other: Halt, settings: Settings) -> bool:
     return bool((away[0] & away[1]).any())
 
 
-def _add_turns(fixes: Fixes, halts: list[Halt], settings: Settings) -> list[Halt]:
+def _add_turns(fixes: Fixes, halts: list[Halt], settings: Settings, *, goes_on: bool) -> list[Halt]:
     """Add short halts at the far end of round trips, which are their goals."""
     if settings.min_stay <= TURN_TIME or len(fixes) < 2:
         return halts
@@ -180,7 +183,7 @@ def _add_turns(fixes: Fixes, halts: list[Halt], settings: Settings) -> list[Halt
     ends = list(halts)
     if not halts or halts[0].first > 0:
         ends.insert(0, _single(fixes, 0, settings))
-    if not halts or halts[-1].last < len(fixes) - 1:
+    if not goes_on and (not halts or halts[-1].last < len(fixes) - 1):
         ends.append(_single(fixes, len(fixes) - 1, settings))
 
     # At most one halt on each.

@@ -94,9 +94,12 @@ def _edge_halt(fixes: Fixes, row: int, settings: Settings) -> Halt:
 
 
 def join_over_pauses(
-    stops: list[Stop], moves: list[Move], settings: Settings
+    stops: list[Stop], moves: list[Move], settings: Settings, *, goes_on: bool = False
 ) -> tuple[list[Stop], list[Move]]:
-    """Join trips that go on in their direction after a short stop, which becomes a pause."""
+    """Join trips that go on in their direction after a short stop, which becomes a pause.
+
+    Where the last trip leads is not known while the track goes on.
+    """
     stops, joined = list(stops), list[Move]()
     for move in moves:
         before = joined[-1] if joined else None
@@ -107,6 +110,7 @@ def join_over_pauses(
             and move.origin is not None
             and before.goal == move.origin
             and stop.duration < settings.max_pause
+            and not (goes_on and move.goal is None)
             and directness(before.begin, stop.halt.centre, move.finish) >= _ON_THE_WAY
         ):
             stops[move.origin] = replace(stop, pause=True)

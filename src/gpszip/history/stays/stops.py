@@ -26,9 +26,17 @@ Floats = NDArray[np.float64]
 
 
 def estimate_stops(
-    fixes: Fixes, halts: list[Halt], settings: Settings, places: Floats | None
+    fixes: Fixes,
+    halts: list[Halt],
+    settings: Settings,
+    places: Floats | None,
+    *,
+    goes_on: bool = False,
 ) -> list[Stop]:
-    """Return the stops with estimated times; those that turn out too short are left out."""
+    """Return the stops with estimated times; those that turn out too short are left out.
+
+    Whether the last one is a turn is not known while the track goes on.
+    """
     # As they were seen.
     begins = [float(fixes.times[halt.first]) for halt in halts]
     ends = [float(fixes.times[halt.last]) for halt in halts]
@@ -60,8 +68,11 @@ def estimate_stops(
     centres = [fixes.positions[0], *(halt.centre for halt in halts), fixes.positions[-1]]
     stops = []
     for i, (begin, end, halt) in enumerate(zip(begins, ends, halts, strict=True)):
-        is_turn = end - begin >= TURN_TIME and turns_back(
-            centres[i], halt.centre, centres[i + 2], halt.noise, settings
+        is_decided = not goes_on or i + 1 < len(halts)
+        is_turn = (
+            is_decided
+            and end - begin >= TURN_TIME
+            and turns_back(centres[i], halt.centre, centres[i + 2], halt.noise, settings)
         )
         if is_turn or end - begin >= settings.min_stay:
             first_seen, last_seen = fixes.times[[halt.first, halt.last]].tolist()

@@ -25,7 +25,9 @@ _MAX_ROUNDS = 4
 Floats = NDArray[np.float64]
 
 
-def build_timeline(fixes: Fixes, settings: Settings, places: Floats | None = None) -> Timeline:
+def build_timeline(
+    fixes: Fixes, settings: Settings, places: Floats | None = None, *, goes_on: bool = False
+) -> Timeline:
     """Find the stays and trips of a track.
 
     Parameters
@@ -37,6 +39,9 @@ def build_timeline(fixes: Fixes, settings: Settings, places: Floats | None = Non
     places : float64 array, shape (k, d), optional
         Centres of places that are known from other stays. A single fix between gaps at one of them
         is no error, and a track that was seen there last or first stayed there.
+    goes_on : bool, default False
+        Whether the track goes on after its last fix. Then a short stop is a turn, or a pause, only
+        once a later stop says so.
 
     Returns
     -------
@@ -54,7 +59,7 @@ def build_timeline(fixes: Fixes, settings: Settings, places: Floats | None = Non
     """
     # Halts, without single fixes that nothing confirms: without these, other ones may be single.
     doubtful: list[Doubt] = []
-    halts = choose_halts(fixes, settings)
+    halts = choose_halts(fixes, settings, goes_on=goes_on)
     for _ in range(_MAX_ROUNDS):
         alone = [
             halt.first
@@ -65,11 +70,11 @@ def build_timeline(fixes: Fixes, settings: Settings, places: Floats | None = Non
             break
         doubtful += [Doubt(float(fixes.times[row]), fixes.positions[row]) for row in alone]
         fixes = fixes.take(~np.isin(np.arange(len(fixes)), alone))
-        halts = choose_halts(fixes, settings)
+        halts = choose_halts(fixes, settings, goes_on=goes_on)
 
     # Times of stops, and moves between them.
-    stops = estimate_stops(fixes, halts, settings, places)
+    stops = estimate_stops(fixes, halts, settings, places, goes_on=goes_on)
     moves, unseen = find_moves(fixes, stops, settings)
-    stops, moves = join_over_pauses(stops, moves, settings)
+    stops, moves = join_over_pauses(stops, moves, settings, goes_on=goes_on)
     is_open = bool(doubtful) or any(halt.first == halt.last for halt in halts)
     return Timeline(fixes, tuple(stops), tuple(moves), tuple(doubtful), unseen, is_open)

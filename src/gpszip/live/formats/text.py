@@ -161,7 +161,12 @@ class _Table:
         if len(names) > _MAX_COLUMNS:
             raise InputError(f"more than {_MAX_COLUMNS:,} columns", path=where, location="line 1")
         given = None if columns is None else dict(columns)
-        self._roles = find_roles(names, given, (), where, heading=True)
+        self._roles = find_roles(names, given, (), where, heading=True, times=False)
+        if not self._roles.time:
+            # A log may go without times; what is live can't.
+            raise InputError(
+                "no column of times", path=where, remedy="say which it is: --columns t=COLUMN"
+            )
         self._unit = time_unit_in_name(names[self._roles.time[-1]])
         plain = [name.lower().replace("_", "").replace(" ", "") for name in names]
         self._accuracy = _index_of(plain, _ACCURACY)

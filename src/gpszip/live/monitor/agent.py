@@ -127,7 +127,7 @@ class AgentMonitor:
         # A trip is over where a stay begins, or where a gap is long.
         if was_silent or any(event.kind == "silent" for event in events):
             events += self.on_map.rest(is_over=True)
-        events += self.on_map.take(fix)
+        events += self.on_map.take(fix, stays_since=self._stays.since)
         if self._stays.is_staying and not was_staying:
             events += self.on_map.rest(is_over=True)
         return events
@@ -144,11 +144,19 @@ class AgentMonitor:
             self.is_late = True
         return True
 
-    def read(self, received: float) -> list[Event]:
-        """Return what follows from all fixes up to now, late ones too."""
+    def read(self, received: float, *, goes_on: bool = True) -> list[Event]:
+        """Return what follows from all fixes up to now, late ones too.
+
+        Parameters
+        ----------
+        received : float
+            Now, in seconds.
+        goes_on : bool, default True
+            Whether fixes follow.
+        """
         self.is_late = False
         events = self._gaps.read(received, self._stays.settled, is_silent=self._gaps.is_silent)
-        return events + self._stays.read(received)
+        return events + self._stays.read(received, goes_on=goes_on)
 
     def fall_silent(self, now: float) -> list[Event]:
         """Return the events of an agent that was not heard of for too long."""

@@ -163,6 +163,19 @@ class Monitor:
         """
         return self._numbered([*self._advance(now), *self._sweep()])
 
+    def resume(self, now: float) -> None:
+        """Note that nobody listened since the state was saved: no agent was silent by that.
+
+        Parameters
+        ----------
+        now : float
+            Seconds, as times of receipt are counted.
+        """
+        missed = max(now - self._clock, 0.0)
+        if math.isfinite(missed):
+            for name in self._heard:
+                self._agents[name].received += missed
+
     def refuse(self, agent: str, time: float, received: float) -> list[Event]:
         """Note that a fix of a known agent was refused for its time; return the events."""
         known = self._agents.get(agent)
@@ -174,7 +187,7 @@ class Monitor:
         for agent in self._agents.values():
             for fix in agent.buffer.flush():
                 events += self._use(agent, fix)
-            events += agent.read(self._clock)
+            events += agent.read(self._clock, goes_on=False)
             if agent.on_map is not None:
                 events += agent.on_map.rest(is_over=False)
                 if self._watch is not None:

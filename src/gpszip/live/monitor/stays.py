@@ -99,6 +99,11 @@ class StayTracker:
         """Whether the agent stays in place, as far as was read."""
         return self._place is not None
 
+    @property
+    def since(self) -> float | None:
+        """Seconds at which the stay began that goes on; None on the way."""
+        return None if self._place is None else self._place.since
+
     def take(self, fix: Fix, capacity: int) -> list[Event]:
         """Return the events after a fix, the newest of the window.
 
@@ -121,12 +126,21 @@ class StayTracker:
         if time < self._anchor:
             self._anchor = self.settled
 
-    def read(self, received: float) -> list[Event]:
-        """Read the window as a log; return what is new or different."""
+    def read(self, received: float, *, goes_on: bool = True) -> list[Event]:
+        """Read the window as a log; return what is new or different.
+
+        Parameters
+        ----------
+        received : float
+            When the last fix was received, or now.
+        goes_on : bool, default True
+            Whether fixes follow. Then the newest one ends no trip: by where it is, a short stop on
+            the way would be a turn at one reading, and none at the next.
+        """
         if not len(self._window):
             return []
         self._last_reading, self._outside = self._window.last, 0
-        line, plane = self._timeline()
+        line, plane = self._timeline(goes_on=goes_on)
         self._place = _current_place(line, plane)
 
         # What it says, and what of it is settled now.
@@ -138,7 +152,7 @@ class StayTracker:
 
     def cut(self, received: float) -> list[Event]:
         """End the log, as where an agent goes on far away: what is open ends there."""
-        line, plane = self._timeline()
+        line, plane = self._timeline(goes_on=False)
         findings = _findings(line, plane, is_whole=True)
         events = self._known.update(findings, received, after=self._anchor, kinds=STAY_KINDS)
 
@@ -209,7 +223,7 @@ class StayTracker:
         before = Fix("", "", 0.0, 0.0, window.position(row), window.geographic)
         return distance(before, fix) <= _SLOW_REACH * self._settings.radius + noise
 
-    def _timeline(self) -> tuple[Timeline, Plane | None]:
+    def _timeline(self, *, goes_on: bool = True) -> tuple[Timeline, Plane | None]:
         """Read the fixes from the anchor on."""
         row = self._window.row_at(self._anchor)
         coordinates, plane = self._window.coordinates()[row:], None
@@ -219,11 +233,11 @@ class StayTracker:
         times, accuracy = self._window.times[row:], self._window.accuracy()[row:]
         track = TrackSamples("", times, coordinates, accuracy)
         if not self._is_open:
-            line = track_timeline(track, self._settings)
+            line = track_timeline(track, self._settings, goes_on=goes_on)
             self._is_open = line.open
         if self._is_open:
             places = self._known_places(plane, coordinates.shape[1])
-            line = track_timeline(track, self._settings, places)
+            line = track_timeline(track, self._settings, places, goes_on=goes_on)
         return line, plane
 
     def _known_places(self, plane: Plane | None, dimension: int) -> Floats | None:

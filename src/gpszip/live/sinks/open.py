@@ -25,6 +25,10 @@ def open_sink(text: str, key: str | None = None) -> EventSink:
     GPSZipError
         If it can't be opened.
     """
+    if not text:
+        raise OptionError(
+            "an empty text is no address of events", remedy="give -, a file, https:// or mqtt://"
+        )
     scheme, colon, _ = text.partition("://")
     if text == "-":
         from gpszip.live.sinks.file import StreamSink

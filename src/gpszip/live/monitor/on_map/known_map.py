@@ -11,6 +11,7 @@ from gpszip.archive import Archive
 from gpszip.errors import InputError
 from gpszip.geo.planes import PLANE_RADIUS, to_plane
 from gpszip.history.prediction.predictor import Predictor
+from gpszip.history.prediction.trips import cut_trips
 from gpszip.history.rounds import find_rounds
 from gpszip.history.traversals import read_history
 from gpszip.history.unusual.unusual import Usual
@@ -37,6 +38,9 @@ _MAX_ACCURACY = 100.0
 
 #: Metres from a plane's centre beyond which there is no map.
 _MAX_DISTANCE = 2 * PLANE_RADIUS
+
+#: Metres from the end of a trip that belong to its place, as for stays.
+_NEAR = 100.0
 
 Floats = NDArray[np.float64]
 
@@ -85,6 +89,7 @@ class KnownMap:
         self.usual = Usual(history)
         self.predictor: Predictor = self.usual.predictor
         self.exits = self.predictor.exits
+        self._trip_ends = self._find_trip_ends()
         self.lengths = self.network.lengths
 
         #: Tells this map from others, whose edges have other numbers.
@@ -95,6 +100,12 @@ class KnownMap:
         except InputError:
             # Travel that does not repeat in rounds is no patrol.
             self.rounds = None
+
+    def ends_near(self, position: Floats) -> int:
+        """Number of trips of the archive that ended near a position on the plane of the map."""
+        axes = self._trip_ends.shape[1]
+        away = np.linalg.norm(self._trip_ends - position[:axes], axis=1)
+        return int((away <= _NEAR).sum())
 
     def matcher(self) -> LiveMatcher:
         """Return a matcher for one agent."""
@@ -121,12 +132,23 @@ class KnownMap:
         """Coordinates of a place on a directed edge, some metres along it."""
         edge = directed >> 1
         offset = self.offset(directed, along)
-        line = self.network.road(edge)
-        first, after = self.network.offsets[edge : edge + 2]
-        metres = self.network.along[first:after]
-        place = np.array([np.interp(offset, metres, axis) for axis in line.T])
+        place = self._position_on(edge, offset)
         return tuple(map_coordinates(place[None], self.plane)[0].tolist())
 
     def offset(self, directed: int, along: float) -> float:
         """Metres from an edge's start, from those along a directed edge, or back."""
         return float(self.lengths[directed >> 1]) - along if directed & 1 else along
+
+    def _position_on(self, edge: int, offset: float) -> Floats:
+        """Metres on the plane, so many metres from an edge's start."""
+        line = self.network.road(edge)
+        first, after = self.network.offsets[edge : edge + 2]
+        metres = self.network.along[first:after]
+        return np.array([np.interp(offset, metres, axis) for axis in line.T])
+
+    def _find_trip_ends(self) -> Floats:
+        """Positions at which the trips of the archive end, shape (t, 2)."""
+        last = cut_trips(self.rows).after - 1
+        places = zip(self.rows.edge[last].tolist(), self.rows.end[last].tolist(), strict=True)
+        positions = [self._position_on(edge, end)[:2] for edge, end in places]
+        return np.array(positions, np.float64).reshape(-1, 2)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from gpszip.history.prediction.trips import MIN_STOP
 from gpszip.history.unusual.route_surprise import direction_bits
 from gpszip.live.fix import Fix, distance
 from gpszip.live.monitor.known import Finding
@@ -33,6 +34,10 @@ _WRONG_METRES, _WRONG_SHARE = 40.0, 0.5
 #: Seconds of standing that are a stop, and no light; it is looked at again when it is twice as
 #: long.
 _MIN_STOP = 120.0
+
+#: Trips that end at a place, as a share of the passes of its edge, from which a stop there is none
+#: on the way.
+_MAX_ENDS = 2.0**-_STOP_BITS
 
 #: Metres within which an agent stands.
 _STANDING = 20.0
@@ -155,15 +160,21 @@ class Surprises:
         ]
 
     def stand(self, fix: Fix, directed: int) -> list[Finding]:
-        """Return that the agent stands where nobody does, once for each stop."""
+        """Return that the agent stands where nobody does, once for each stop on the way.
+
+        Stops of five minutes or more are stays, and so are those where trips end.
+        """
         # Somewhere else than before?
         if self._still is None or distance(self._still, fix) > _STANDING:
             self._still, self._next_look, self._is_stop_told = fix, _MIN_STOP, False
             return []
         seconds = fix.time - self._still.time
-        if self._is_stop_told or seconds < self._next_look:
+        if self._is_stop_told or not self._next_look <= seconds < MIN_STOP:
+            # A longer one ends the trip, as in archives.
             return []
         self._next_look = 2 * seconds
+        if self._is_end(fix, directed):
+            return []
         bits = self._usual.stops.bits(directed, seconds)
         if bits <= _STOP_BITS:
             return []
@@ -183,6 +194,14 @@ class Surprises:
                 confidence=confidence,
             )
         ]
+
+    def _is_end(self, fix: Fix, directed: int) -> bool:
+        """Whether trips of the archive end where the agent stands."""
+        position = self._map.project(fix)
+        if position is None:
+            return False
+        passes = int(self._usual.stops.passes[[directed, directed ^ 1]].sum())
+        return bool(self._map.ends_near(position) > _MAX_ENDS * passes)
 
     def to_row(self) -> dict[str, Any]:
         """Return the state as a value of JSON."""

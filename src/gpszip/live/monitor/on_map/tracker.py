@@ -27,6 +27,19 @@ __all__ = ["MapTracker"]
 #: Fixes of the window from which a matcher finds again where the agent is.
 _WARM_UP = 40
 
+#: Kinds of events that are not told of an agent that stays: errors of its receiver would tell them
+#: again and again.
+_ON_THE_WAY = frozenset(
+    {
+        "off_map.start",
+        "off_map.end",
+        "wrong_way",
+        "unusual.turn",
+        "unusual.speed",
+        "unusual.stop",
+    }
+)
+
 
 class MapTracker:
     """Follows one agent on the map.
@@ -53,6 +66,8 @@ class MapTracker:
         if known_map.rounds is not None:
             self._patrol = PatrolTracker(known_map, known_map.rounds)
         self._off_since: float | None = None
+        self._is_off_told = False
+        self._stays_since: float | None = None
         self._here: LivePosition | None = None
         self._received = 0.0
 
@@ -65,10 +80,24 @@ class MapTracker:
         """Whether the agent has a matcher, which takes memory."""
         return self._matcher is not None
 
-    def take(self, fix: Fix) -> list[Event]:
-        """Return the events after the next fix in time."""
+    def take(self, fix: Fix, *, stays_since: float | None = None) -> list[Event]:
+        """Return the events after the next fix in time.
+
+        Parameters
+        ----------
+        fix : Fix
+            Later than those before.
+        stays_since : float, optional
+            Seconds at which the stay began that goes on; None on the way.
+        """
         self._received = fix.received
+        self._outlook.note_stay(is_staying=stays_since is not None)
+        was_staying, self._stays_since = self._stays_since is not None, stays_since
         events = self._match(fix)
+        if was_staying and stays_since is None and self._reader.is_off != self._is_off_told:
+            # It left the map, or came back, in place.
+            kind = "off_map.start" if self._reader.is_off else "off_map.end"
+            events += self._tell([self._at(kind, fix.time)])
         here = self._here
         if here is not None and here.time == fix.time and not here.off_map:
             events += self._tell(self._surprises.stand(fix, 2 * here.edge + (not here.forward)))
@@ -141,7 +170,7 @@ class MapTracker:
     def _note_path(self, until: float) -> None:
         """Note the path off the map, from the last fix on it to the first one on it again."""
         since, self._off_since = self._off_since, None
-        if since is None:
+        if since is None or self._is_in_place(until):
             return
         rows = slice(max(self._window.row_at(since) - 1, 0), self._window.row_at(until) + 1)
         coordinates = self._window.coordinates()[rows, :2]
@@ -168,11 +197,24 @@ class MapTracker:
         row = min(self._window.row_at(time), len(self._window) - 1)
         return Finding(kind, time, self._window.position(row))
 
+    def _is_in_place(self, time: float) -> bool:
+        """Whether the agent was in place at a time, where it stays yet."""
+        return self._stays_since is not None and time > self._stays_since
+
     def _tell(self, findings: list[Finding]) -> list[Event]:
-        return [
-            self._known.tell(finding, self._received, like=f"{finding.time:.3f} {finding.directed}")
-            for finding in findings
-        ]
+        events = []
+        for finding in findings:
+            if finding.kind in _ON_THE_WAY and self._is_in_place(finding.time):
+                continue
+            if finding.kind in {"off_map.start", "off_map.end"}:
+                # What began on the way may have ended in place.
+                is_off = finding.kind == "off_map.start"
+                if is_off == self._is_off_told:
+                    continue
+                self._is_off_told = is_off
+            like = f"{finding.time:.3f} {finding.directed}"
+            events.append(self._known.tell(finding, self._received, like=like))
+        return events
 
     def to_row(self) -> dict[str, Any]:
         """Return the state as a value of JSON; the matcher is found again from the window."""
@@ -185,6 +227,8 @@ class MapTracker:
             "surprises": self._surprises.to_row(),
             "patrol": None if self._patrol is None else self._patrol.to_row(),
             "off_since": self._off_since,
+            "off_told": self._is_off_told,
+            "stays_since": self._stays_since,
             "matcher": self.has_matcher,
         }
 
@@ -196,7 +240,8 @@ class MapTracker:
         self._surprises.restore(row["surprises"])
         if self._patrol is not None and row["patrol"] is not None:
             self._patrol.restore(row["patrol"])
-        self._off_since = row["off_since"]
+        self._off_since, self._is_off_told = row["off_since"], row["off_told"]
+        self._stays_since = row["stays_since"]
 
         # The matcher takes the last fixes again, whose positions were read.
         self._reader.done = math.inf
