@@ -210,6 +210,8 @@ def _open_stream(logs: tuple[str, ...]) -> int:
 
     if logs in ((), ("-",)):
         return 0
+    if Path(logs[0]).is_dir():
+        raise InputError("is a folder", path=logs[0], remedy="name a pipe, or - for stdin")
     try:
         return os.open(logs[0], os.O_RDONLY)
     except OSError as error:

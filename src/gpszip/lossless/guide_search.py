@@ -119,9 +119,8 @@ class GuideFinder:
         usual = float(np.median(np.abs(np.diff(seconds))))
         runs = self._find_runs(seconds, max(self.trails.time_step, usual, 1.0))
         tracks, rows = (np.array(part, np.int64) for part in zip(*runs, strict=True))
-        if len(tracks) > max_runs(len(seconds)):
-            return None
-        if has_too_many_knots(tracks, len(seconds), self.trails):
+        is_long = len(tracks) > max_runs(len(seconds))
+        if is_long or has_too_many_knots(tracks, len(seconds), self.trails):
             return None
         if rows[tracks > 0].sum() < _MIN_SHARE * len(seconds):
             return None
