@@ -45,6 +45,7 @@ _REFUSED = {
     "times_file": "--times",
     "rate": "--rate",
     "dry_run": "--dry-run",
+    "selection": "--track, --since, --until, --bbox",
 }
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -179,11 +180,8 @@ def _check_stream(logs: tuple[str, ...], target: str, choices: dict[str, Any]) -
         With the options.
     """
     from gpszip.cli.output import STDOUT
-    from gpszip.model.selection import EVERYTHING
 
     given = [option for name, option in _REFUSED.items() if choices.get(name)]
-    if choices.get("selection", EVERYTHING) != EVERYTHING:
-        given.append("--track, --since, --until, --bbox")
     if not choices["times"]:
         given.append("--no-times")
     if given:
