@@ -1,5 +1,7 @@
 """Walks as predictions of logs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -69,6 +71,13 @@ def test_trails_are_the_walks(archive):
         assert np.allclose(trail.positions, nodes, atol=1e-9)
         same = (trail.positions[1:] == trail.positions[:-1]).all(axis=1)
         assert np.array_equal(trail.is_stay[1:], same & ~walk.gaps)
+
+
+def test_positions_far_off_their_plane_raise_no_warning(archive):
+    _, archive = archive
+    grid = replace(archive.grid, origin=(10**18, 10**18))
+    forged = replace(archive, contents=replace(archive.contents, grid=grid))
+    assert len(find_trails(forged).trail(0).positions) == len(archive.walk("a").nodes)
 
 
 def test_archives_without_times_have_no_trails(archive):

@@ -122,3 +122,20 @@ def test_compress_learns_from_a_coreset(gpszip, log):
     assert done.code == 0, done.err
     assert done.json["points"] == 200
     assert done.json["rmse"] <= 1
+
+
+@pytest.mark.parametrize(
+    ("options", "refused"),
+    [
+        ("--dry-run", "--dry-run takes a log"),
+        ("--track other", "--bbox takes a log"),
+        ("--since 5", "--bbox takes a log"),
+        ("--sort", "--sort takes a log"),
+    ],
+)
+def test_what_needs_the_samples_is_refused_for_a_coreset(gpszip, log, tmp_path, options, refused):
+    assert gpszip(f"coreset {log} -o blocks.parquet --size 12").code == 0
+    run = gpszip(f"compress blocks.parquet -o walk.gpsz --rmse 5 {options}")
+    assert run.code == 2
+    assert refused in run.err
+    assert not (tmp_path / "walk.gpsz").exists()

@@ -131,6 +131,7 @@ def test_what_is_told_of_a_stream(gpszip, tmp_path):
         ("robot.csv other.csv -o a.gpsz", "--stream reads one stream"),
         ("robot.csv -o -", "standard output"),
         ("missing.csv", "missing.csv: can't be read"),
+        (". -o a.gpsz", ".: is a folder"),
     ],
 )
 def test_what_a_stream_cannot_have_is_refused(gpszip, tmp_path, arguments, message):

@@ -946,6 +946,19 @@ def _live_lines(data: bytes) -> object:
     return [screen.check(item) for item in found if hasattr(item, "position")]
 
 
+def _stream(data: bytes) -> object:
+    """Read a few lines at a time, as ``compress --stream`` does."""
+    from gpszip.io.logs.raw import Request
+    from gpszip.live.stream.rows import StreamReader
+
+    reader, lines = StreamReader("log", Request(), clean=True), data.splitlines(keepends=True)
+    batches = [reader.read(lines[first : first + 3]) for first in range(0, len(lines), 3)]
+    for times, positions in (rows for batch in batches for rows in batch.tracks.values()):
+        assert np.isfinite(times).all() and np.isfinite(positions).all()
+        assert len(times) == len(positions)
+    return batches
+
+
 def _live_messages() -> list[bytes]:
     """Messages of apps and of gpsd, one on each line."""
     from gpszip.live.replay.messages import Sample, app_message
@@ -1086,6 +1099,7 @@ TARGETS = {
     "live lines": Target(_live_lines, _texts(CSV[:1])),
     "live nmea": Target(_live_lines, _texts(NMEA)),
     "live messages": Target(_live_lines, _live_messages),
+    "stream": Target(_stream, _texts(CSV + NMEA + TUM + CARMEN)),
     "live servers": Target(_live_servers, _live_server_messages),
     "live mavlink": Target(_mavlink, _mavlink_links, mutations.BINARY),
     "journal": Target(_segment, _journal_segments),

@@ -303,6 +303,25 @@ def test_a_guide_has_a_bounded_number_of_knots(monkeypatch):
     assert found_in(data) == []
 
 
+def test_times_in_steps_far_finer_than_those_of_walks_have_no_guide():
+    class Slow(Trails):
+        time_step = 1e4
+
+    rows = np.sort(np.random.default_rng(1).random(60)) + 30
+    data = "".join(f"{t:.15f},{i % 7},{i % 5}\n" for i, t in enumerate(rows)).encode()
+    found = read_exact_logs(body_of(data, Slow()), Slow())
+    assert b"".join(found.read(0)) == data
+    assert not found.is_guided
+
+
+def test_a_guide_never_has_more_than_8_million_knots():
+    rows = 1 << 22
+    trail = len(TRAILS.trail(0).times)
+    runs = guides._MAX_KNOTS // trail
+    assert not guides.has_too_many_knots(np.ones(runs, np.int64), rows, TRAILS)
+    assert guides.has_too_many_knots(np.ones(runs + 1, np.int64), rows, TRAILS)
+
+
 def test_a_block_with_guides_needs_the_walks():
     data = log()
     block = encode_block(data, GuideFinder(TRAILS))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gpszip.container.layout import Cursor, encode_varint
@@ -32,9 +32,11 @@ def test_any_table_comes_back(columns):
     assert all(np.array_equal(a, b) for a, b in zip(columns, back, strict=True))
 
 
-@given(st.lists(VALUES, max_size=40), st.integers(0, 12))
-def test_any_numbers_come_back_from_their_grid(numbers, decimals):
-    numbers = np.array(numbers, np.int64)
+@given(st.lists(VALUES, max_size=40), st.integers(0, 17), st.integers(0, 17))
+@example([10**15, 3 * 10**15], 15, 0)
+def test_any_numbers_come_back_from_their_grid(numbers, decimals, zeros):
+    # Numbers such as 1.500000000000000 end with many zeros.
+    numbers = np.array([number // 10**zeros * 10**zeros for number in numbers], np.int64)
     data, multiples = encode_grid(find_grid(numbers, decimals), numbers)
     grid, differences = decode_grid(Cursor(data), len(numbers))
     assert np.array_equal(grid.numbers(multiples) + differences, numbers)

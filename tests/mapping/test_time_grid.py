@@ -1,8 +1,11 @@
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from gpszip.errors import BoundError
 from gpszip.mapping.initial_map import walks_of
 from gpszip.mapping.time_grid import (
     build_time_grid,
@@ -16,7 +19,7 @@ from gpszip.mapping.time_grid import (
     transfer_knots,
 )
 from gpszip.model import QuantisationGrid, Track
-from gpszip.model.grid import step_size
+from gpszip.model.grid import step_index, step_size
 from gpszip.testing.strategies import track_lists
 from random_tests import examples
 
@@ -303,3 +306,12 @@ def test_a_sample_rounded_to_microseconds_lies_on_its_time_step():
         track = Track("a", [time, time + 2.0], np.zeros((2, 2)))
         first = build_time_grid([track], [np.zeros(1, bool)], grid).time_steps[0]
         assert first == round(time / step_size(grid.time))
+
+
+def test_positions_whose_squares_fit_no_integer_are_refused():
+    times = np.arange(4.0)
+    for far, fits in ((2.0**32, True), (2.0**34, False)):
+        track = Track("a", times, np.array([[0.0, 0.0], [1.0, 0.0], [far, 1.0], [3.0, 0.0]]))
+        grid = QuantisationGrid((0, 0), 0, step_index(1.0), step_index(1.0))
+        with nullcontext() if fits else pytest.raises(BoundError, match="too far apart"):
+            build_time_grid([track], [np.zeros(3, np.bool_)], grid)

@@ -121,7 +121,10 @@ class ArchiveTrails:
         walks, positions = self._archive.walks_of_group(number)
         plane = self._archive.grid.plane
         if plane is not None:
-            positions = np.column_stack([plain_degrees(positions[:, :2], plane), positions[:, 2:]])
+            # Only forged archives have positions so far off a plane that these numbers overflow.
+            with np.errstate(all="ignore"):
+                degrees = plain_degrees(positions[:, :2], plane)
+            positions = np.column_stack([degrees, positions[:, 2:]])
         return walks, positions
 
 

@@ -66,6 +66,8 @@ _OPTIONS_OF_LOGS = {
     "columns": "--columns",
     "gap": "--gap",
     "layer": "--layer",
+    "dry_run": "--dry-run",
+    "selection": "--track, --since, --until, --bbox",
 }
 
 #: Fields of Options that bound the archive, and their options on the command line.
@@ -248,8 +250,9 @@ def command(
     if choices["update_map"]:
         check_output(choices["update_map"], force=force, binary=True)
 
+    # What can't be had of streams and coresets is refused there.
+    choices |= {"selection": None if selection.is_everything else selection, "dry_run": dry_run}
     if choices["stream"]:
-        choices |= {"selection": selection, "dry_run": dry_run}
         return compress_stream(
             logs, target, options, choices, extended, quiet=quiet, as_json=settings.json
         )

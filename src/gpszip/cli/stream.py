@@ -45,6 +45,7 @@ _REFUSED = {
     "times_file": "--times",
     "rate": "--rate",
     "dry_run": "--dry-run",
+    "selection": "--track, --since, --until, --bbox",
 }
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -179,11 +180,8 @@ def _check_stream(logs: tuple[str, ...], target: str, choices: dict[str, Any]) -
         With the options.
     """
     from gpszip.cli.output import STDOUT
-    from gpszip.model.selection import EVERYTHING
 
     given = [option for name, option in _REFUSED.items() if choices.get(name)]
-    if choices.get("selection", EVERYTHING) != EVERYTHING:
-        given.append("--track, --since, --until, --bbox")
     if not choices["times"]:
         given.append("--no-times")
     if given:
@@ -210,6 +208,8 @@ def _open_stream(logs: tuple[str, ...]) -> int:
 
     if logs in ((), ("-",)):
         return 0
+    if Path(logs[0]).is_dir():
+        raise InputError("is a folder", path=logs[0], remedy="name a pipe, or - for stdin")
     try:
         return os.open(logs[0], os.O_RDONLY)
     except OSError as error:

@@ -68,7 +68,9 @@ class Grid:
         return nearest
 
     def fits(self, numbers: _Ints) -> bool:
-        """Whether products of these numbers fit 64 bits."""
+        """Whether products of these numbers fit 64 bits, and the step a file."""
+        if max(self.numerator, self.denominator) > _MAX_PART:
+            return False
         largest = int(np.abs(numbers).max(initial=0)) + abs(self.offset)
         return largest * max(self.denominator, 1) + self.numerator < _MAX_PRODUCT
 

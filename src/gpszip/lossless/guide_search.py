@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gpszip.lossless.grids import find_grid
 from gpszip.lossless.guides import (
     MAX_EXPONENT,
+    MAX_SHIFT,
     NAME_ROLE,
     Guided,
     Knots,
@@ -78,6 +79,7 @@ class GuideFinder:
         self._starts = np.array([missing if t is None else t.times[0] for t in found])
         self._ends = np.array([-missing if t is None else t.times[-1] for t in found])
         self._order = np.argsort(self._starts, kind="stable")
+        self._sorted_starts = self._starts[self._order]
 
     def find_times(
         self, columns: Sequence[_Ints], decimals: Sequence[int], times: int | None
@@ -117,9 +119,8 @@ class GuideFinder:
         usual = float(np.median(np.abs(np.diff(seconds))))
         runs = self._find_runs(seconds, max(self.trails.time_step, usual, 1.0))
         tracks, rows = (np.array(part, np.int64) for part in zip(*runs, strict=True))
-        if len(tracks) > max_runs(len(seconds)):
-            return None
-        if has_too_many_knots(tracks, len(seconds), self.trails):
+        is_long = len(tracks) > max_runs(len(seconds))
+        if is_long or has_too_many_knots(tracks, len(seconds), self.trails):
             return None
         if rows[tracks > 0].sum() < _MIN_SHARE * len(seconds):
             return None
@@ -128,6 +129,9 @@ class GuideFinder:
         grid = find_grid(columns[times], decimals[times])
         slack = max(_SLACK_STEPS * self.trails.time_step, usual / _SLACK_SHARE) * 10.0**exponent
         slack = int(16 * slack * grid.denominator / grid.numerator)
+        # Steps of times may be far finer than those of the walks.
+        if max(abs(zone), slack) > MAX_SHIFT:
+            return None
         roles = tuple(Role() for _ in columns)
         guide = TableGuide(tracks, rows, exponent, zone, slack, roles)
         knots = Knots(guide, self.trails, grid)
@@ -187,7 +191,7 @@ class GuideFinder:
                 self._track = track
             else:
                 # Rows that were left out, up to where the next track begins.
-                starts = self._starts[self._order]
+                starts = self._sorted_starts
                 following = int(np.searchsorted(starts, first + margin, "right"))
                 after = bound
                 if following < len(starts):
@@ -210,8 +214,7 @@ class GuideFinder:
             return following
 
         # Otherwise the track whose start is nearest.
-        starts = self._starts[self._order]
-        low, high = np.searchsorted(starts, [first - margin, first + margin])
+        low, high = np.searchsorted(self._sorted_starts, [first - margin, first + margin])
         if low == high:
             return None
         found = self._order[low:high]

@@ -20,6 +20,7 @@ from gpszip.lossless.trails import Trail, Trails
 
 __all__ = [
     "MAX_EXPONENT",
+    "MAX_SHIFT",
     "NAME_ROLE",
     "NO_ROLE",
     "Guided",
@@ -42,13 +43,17 @@ NAME_ROLE = 255
 #: Rows that a run has on average at least.
 _MIN_RUN = 4
 
-#: Runs have at most this many knots, and so many more for each row: a forged guide must not ask for
-#: the knots of a long track again and again.
+#: Runs have at most this many knots, and so many more for each row, and in all: a forged guide must
+#: not ask for the knots of a long track again and again. A knot takes 38 bytes of memory.
 _FREE_KNOTS = 1 << 21
 _KNOTS_PER_ROW = 16
+_MAX_KNOTS = 1 << 23
 
 #: Powers of ten by which seconds, degrees or metres are multiplied.
 MAX_EXPONENT = 18
+
+#: Largest zone and slack: more would not fit 64 bits.
+MAX_SHIFT = 1 << 60
 
 #: Classes of what a walk tells: at a knot, at the end of a piece, on the move, at a stop, in a gap.
 AT_KNOT = 1
@@ -305,7 +310,7 @@ def has_too_many_knots(tracks: _Ints, rows: int, trails: Trails) -> bool:
     for track, count in zip(numbers.tolist(), runs.tolist(), strict=True):
         trail = trails.trail(track - 1)
         knots += 0 if trail is None else count * len(trail.times)
-    return knots > _FREE_KNOTS + _KNOTS_PER_ROW * rows
+    return knots > min(_FREE_KNOTS + _KNOTS_PER_ROW * rows, _MAX_KNOTS)
 
 
 def encode_guide(guide: TableGuide | None) -> bytes:
@@ -355,7 +360,7 @@ def decode_guide(cursor: Cursor, rows: int, columns: int, trails: Trails) -> Tab
     exponent = cursor.read_byte("a power of ten")
     zone = cursor.read_signed("a difference of times")
     slack = cursor.read_varint("a slack of times")
-    if exponent > MAX_EXPONENT or abs(zone) > 1 << 60 or slack > 1 << 60:
+    if exponent > MAX_EXPONENT or max(abs(zone), slack) > MAX_SHIFT:
         raise cursor.error("times of a guide are out of range")
     roles = tuple(_read_role(cursor, trails) for _ in range(columns))
     return TableGuide(tracks, lengths, exponent, zone, slack, roles)

@@ -51,7 +51,6 @@ def encode_table(
     """
     decimals = [7] * len(columns) if decimals is None else decimals
 
-    # The times come first, since they help to predict all others.
     # The column of times, and what walks tell of the rows.
     times = next((i for i, column in enumerate(columns) if _are_times(column)), None)
     if finder is not None:

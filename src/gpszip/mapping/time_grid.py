@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.errors import BoundError
 from gpszip.mapping.kernels.grid_moments import prefix_sums
 from gpszip.model import GridWalks, QuantisationGrid, Track
 from gpszip.model.grid import step_size
@@ -59,6 +60,10 @@ _MIN_SMOOTHED = 3
 
 #: Limit of the estimated sum of squared ticks, so that the real one stays within 62 bits.
 _MAX_SQUARE_SUM = 2.0**58
+
+#: Grid steps between samples of one piece from which on the square of one position alone takes more
+#: than 64 bits: whatever is measured then is nonsense.
+_MAX_EXTENT = 2.0**33
 
 #: Samples of the longest segment that squares are summed over.
 _MAX_SEGMENT_WEIGHT = 100_000
@@ -489,11 +494,24 @@ def _choose_ticks_per_step(
     """Ticks of a grid step such that sums of squares over a long segment stay within 62 bits.
 
     The squares are of positions relative to those of the same piece.
+
+    Raises
+    ------
+    BoundError
+        If these lie so far apart that no sum of squares can be had.
     """
+    # How far apart the samples of a piece are.
     extents = np.maximum.reduceat(positions, piece_starts, axis=0) - np.minimum.reduceat(
         positions, piece_starts, axis=0
     )
     extent = float(extents.max()) + 1.0
+    if extent > _MAX_EXTENT:
+        raise BoundError(
+            "positions of a track lie too far apart for so small an error",
+            remedy="allow a larger error, or drop positions that are far off (--clean)",
+        )
+
+    # The finest ticks that fit.
     unit = _MAX_TICKS_PER_STEP
     while unit > 1 and (extent * unit) ** 2 * min(weight, _MAX_SEGMENT_WEIGHT) > _MAX_SQUARE_SUM:
         unit //= 2

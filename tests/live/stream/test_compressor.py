@@ -141,3 +141,15 @@ def test_other_coordinates_are_refused():
     compressor.add(rows(np.arange(3.0), np.zeros((3, 2))))
     with pytest.raises(OptionError, match="other coordinates than the archive"):
         compressor.add(rows(np.arange(3.0, 6.0), np.zeros((3, 2)), geographic=True))
+
+
+@pytest.mark.parametrize("far", [5e10, 1e13, 1e300])
+def test_rows_that_no_map_within_the_bound_reaches_cost_no_others(far):
+    times = np.arange(60.0)
+    positions = np.stack([times, times % 7], axis=1)
+    positions[::7, 0] = far
+    compressor = StreamCompressor(OPTIONS, first_samples=20)
+    in_batches(compressor, (times, positions), 20)
+    assert compressor.points == 51
+    assert sum(compressor.counts.values()) == 9
+    assert set(compressor.counts) <= set(compressor.LOSSES)

@@ -53,12 +53,17 @@ _MAX_PER_RMSE = 4.0
 #: Metres and seconds from zero that rows may have, as for all tracks.
 _MAX_MAGNITUDE = 1e14
 
+#: Metres from the first rows, as a multiple of the bound, that rows in metres may lie: maps with
+#: others can't be learned. At an RMSE of 1 cm this is 2,700 km.
+_MAX_DISTANCE = 2.0**28
+
 #: Relative excess up to which an error counts as held: the rounding of the measurement.
 _ROUNDING = 1e-9
 
 #: What becomes of rows that are not simply taken.
 _FAR = "rows more than 400 km from the map left out"
 _HUGE = "rows too far from zero left out"
+_APART = "rows too far from the first ones for the bound left out"
 _REPEATED = "rows at the time of the one before left out"
 _LATE = "rows from before the last one of their track left out; --sort puts them in order"
 _SORTED = "rows put in the order of time"
@@ -151,7 +156,7 @@ class StreamCompressor:
     """
 
     #: What is counted of rows that the archive has not.
-    LOSSES = (_FAR, _HUGE, _LATE, _OUTLIERS)
+    LOSSES = (_FAR, _HUGE, _APART, _LATE, _OUTLIERS)
 
     def __init__(
         self,
@@ -213,9 +218,10 @@ class StreamCompressor:
         # On the plane of the archive; where there is none, around the first rows.
         self._check_kind(rows)
         plane = self._plane_of(rows)
+        center = self._center_of(rows)
         new: dict[str, _Samples] = {}
         for name, (times, coordinates) in rows.tracks.items():
-            self._assign(name, self._on_plane(times, coordinates, plane), new)
+            self._assign(name, self._on_plane(times, coordinates, plane, center), new)
         if not new:
             return False
 
@@ -251,14 +257,35 @@ class StreamCompressor:
         degrees = np.concatenate([coordinates for _, coordinates in rows.tracks.values()])
         return choose_plane(degrees[:, 0], degrees[:, 1])
 
-    def _on_plane(self, times: Floats, coordinates: Floats, plane: Plane | None) -> _Samples:
+    def _center_of(self, rows: StreamRows) -> Floats:
+        """Position from which the distance of rows in metres is limited."""
+        if self.archive is not None:
+            return np.array(self.archive.grid.origin, np.float64) / 1000
+        coordinates = np.concatenate([each for _, each in rows.tracks.values()])
+        # A median of two numbers is their mean, which must not overflow.
+        return np.asarray(np.median(coordinates.clip(-_MAX_MAGNITUDE, _MAX_MAGNITUDE), axis=0))
+
+    @property
+    def _largest_distance(self) -> float:
+        """Metres that rows may be away from there, on each axis."""
+        bound = None if self.archive is None else self.archive.error_bound
+        known = [self._options.rmse, self._options.max_error]
+        if bound is not None:
+            known = [bound.metres]
+        return _MAX_DISTANCE * min((each for each in known if each is not None), default=math.inf)
+
+    def _on_plane(
+        self, times: Floats, coordinates: Floats, plane: Plane | None, center: Floats
+    ) -> _Samples:
         """Return rows as samples; those too far from the map, or from zero, are left out."""
         fits = (np.abs(coordinates) <= _MAX_MAGNITUDE).all(axis=1)
         fits &= np.abs(times) <= _MAX_MAGNITUDE
         self._count(_HUGE, int((~fits).sum()))
         times, coordinates = times[fits], coordinates[fits]
         if plane is None:
-            return _Samples(times, coordinates)
+            near = (np.abs(coordinates - center) <= self._largest_distance).all(axis=1)
+            self._count(_APART, int((~near).sum()))
+            return _Samples(times[near], coordinates[near])
         if self.archive is not None:
             near = reachable(self.archive, coordinates)
             self._count(_FAR, len(times) - near.sum())
