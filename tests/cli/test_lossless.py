@@ -230,3 +230,19 @@ def test_logs_larger_than_memory_are_kept(gpszip, tmp_path, monkeypatch):
     done = gpszip("compress long.csv --lossless --memory 420MiB -o a.gpsz --effort 1 --rmse 5m")
     assert done.code == 0, done.err
     assert gpszip("diff --exact a.gpsz long.csv").code == 0
+
+
+def test_what_would_not_come_back_is_not_written(gpszip, log, tmp_path, monkeypatch):
+    from gpszip.lossless import logs
+
+    read = logs.ExactLogs.read
+
+    def read_otherwise(self, number):
+        for block in read(self, number):
+            yield block.replace(b"1", b"2")
+
+    monkeypatch.setattr(logs.ExactLogs, "read", read_otherwise)
+    done = gpszip("compress walk.csv --lossless --effort 1")
+    assert done.code == 1
+    assert "walk.csv" in done.err
+    assert [path.name for path in tmp_path.iterdir()] == ["walk.csv"]

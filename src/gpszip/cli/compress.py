@@ -20,6 +20,7 @@ from gpszip.cli.lossless import (
     log_keeper,
     lossless_options,
     open_sources,
+    prove_logs,
     remove_logs,
 )
 from gpszip.cli.options import (
@@ -278,6 +279,10 @@ def command(
         if known_map is not None and choices["update_map"]:
             updated_map = work.append(known_map, log, _map_options(options))[0]
         read_result = log.read_result
+
+        # What can't be read back is not written.
+        if lossless:
+            prove_logs(archive, sources)
 
         # Write the files; delete the logs once what was written is proved to hold them.
         _write(target, archive, choices["update_map"], updated_map, force=overwrite)
