@@ -450,7 +450,14 @@ def _write_doubt(numbers: Numbers, calendar: Calendar, remarks: Sequence[str]) -
             f"{count_text(archive['gaps'], 'gap')} of the tracks: no travel is claimed there."
         )
 
-    # Hours, trips, and what the log lost.
+    # Jumps, hours, trips, and what the log lost.
+    travel = numbers["travel"]
+    if travel is not None and travel["jumps"]:
+        limit = speed_text(travel["max_speed"], fast=_is_fast(numbers))
+        notes.append(
+            f"{count_text(travel['jumps'], 'traversal')} faster than {limit}, four times the speed "
+            "that 95 % of travel keeps, count as jumps of the receiver: no speed is told of them."
+        )
     if numbers["period"] is not None:
         said = calendar.describe()
         notes.append(f"{html.escape(said[:1].upper() + said[1:])}.")
