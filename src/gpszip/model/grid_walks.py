@@ -87,7 +87,7 @@ class GridWalks:
 
     @cached_property
     def first_pieces(self) -> NDArray[np.int64]:
-        """Number of the first piece between gaps of each walk, and of all pieces; shape (n + 1,)."""
+        """Number of the first piece of each walk, and of all pieces: int64, shape (n + 1,)."""
         gaps = [np.count_nonzero(walk.gaps) for walk in self.walks]
         return np.concatenate([[0], np.cumsum(np.array(gaps, np.int64) + 1)])
 
