@@ -116,7 +116,7 @@ def score_own_trips(
     >>> track = gpszip.Track("bus", times, np.stack([x, 0 * x], axis=1))
     >>> own = score_own_trips(read_history(gpszip.compress(track, rmse=5.0, effort=1)))
     >>> own.unusual, own.left_out
-    (Unusual(11 trips, 0 absences), 0)
+    (Unusual(20 trips, 0 absences), 0)
     """
     # Trips with times, in the order of time, and which of them teach which others.
     network, rows = history
