@@ -137,7 +137,7 @@ def surprising_parts(index: PassIndex, route: Sequence[int], bits: Sequence[floa
     # The cost of all parts.
     total = np.concatenate(([0.0], np.cumsum(bits))).tolist()
     count = len(route)
-    parts = []
+    parts: list[Part] = []
     for first in range(count - 1):
         longest = min(count - 1, first + _MAX_TURNS)
         lasts = range(min(first + _MIN_TURNS, longest), longest + 1)
