@@ -102,6 +102,19 @@ def test_durations_and_standing(van_history: History) -> None:
     assert 0.03 < share < 0.4
 
 
+def test_no_traversal_is_faster_than_its_knots(
+    van_archive: gpszip.Archive, van_history: History
+) -> None:
+    # Stops at dead ends belong to the way there, and slow ways take some time.
+    rows = van_history.traversals
+    speeds = rows.metres / (rows.leave - rows.enter - rows.standing)
+    steps = [
+        np.linalg.norm(np.diff(piece.positions, axis=0), axis=1) / np.diff(piece.times)
+        for piece in van_archive.decompress()
+    ]
+    assert np.nanmax(speeds) < 1.5 * np.concatenate(steps).max()
+
+
 def test_edges_are_those_of_matching(
     vans: LogWithTruth, van_archive: gpszip.Archive, van_history: History
 ) -> None:

@@ -1,5 +1,6 @@
 """Usage of edges: counts against loops, planted hours and speeds, zones, and errors."""
 
+from dataclasses import fields, replace
 from datetime import UTC
 from zoneinfo import ZoneInfo
 
@@ -12,7 +13,7 @@ from gpszip.history.agents import cluster_values
 from gpszip.history.calendar import Calendar
 from gpszip.history.transitions import learn_transitions
 from gpszip.history.traversals import History
-from gpszip.history.usage import measure_usage
+from gpszip.history.usage import find_jumps, measure_usage, traversal_speeds
 from history_rows import drives, street
 
 #: A Monday at midnight, UTC.
@@ -37,6 +38,31 @@ def test_planted_hours_and_speeds() -> None:
         min(row[3] for row in rows),
         max(row[4] for row in rows),
     )
+
+
+def test_jumps_of_the_receiver_have_no_speed() -> None:
+    # Ten passes at 10 m/s, and one of 100 m in a tenth of a second.
+    rows = drives([(0, 0, True, MONDAY + 60 * i, MONDAY + 60 * i + 10) for i in range(10)])
+    jump = drives([(0, 1, True, MONDAY, MONDAY + 0.1)])
+    both = replace(
+        rows,
+        max_speed=40.0,
+        **{
+            field.name: np.concatenate([getattr(rows, field.name), getattr(jump, field.name)])
+            for field in fields(rows)
+            if field.name not in {"ids", "max_speed"}
+        },
+    )
+    assert find_jumps(both).tolist() == [False] * 10 + [True]
+    speeds = traversal_speeds(both)
+    assert speeds[:10] == pytest.approx(10.0)
+    assert np.isnan(speeds[10])
+
+    # They count as traversals, and rows that are taken know the limit.
+    used = measure_usage(History(street(), both), by=())
+    assert used["traversals"].tolist() == [10, 1]
+    np.testing.assert_allclose(used["speed"], [10.0, np.nan])
+    assert find_jumps(both.take(np.array([10]))).all()
 
 
 def test_parts_are_local() -> None:

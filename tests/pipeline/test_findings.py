@@ -93,3 +93,9 @@ def test_wrong_questions_are_refused(shape):
         find_all(shape, since=5.0)
     with pytest.raises(OptionError, match="no time zone 'Nowhere'"):
         find_all(guard_archive(), timezone="Nowhere")
+
+
+def test_two_samples_are_too_little_to_compare_times():
+    track = gpszip.Track("two", [0.0, 60.0], [[0.0, 0.0], [300.0, 0.0]])
+    found = find_all(gpszip.compress(track, rmse=1.0, effort=1), ["changes"])
+    assert found.notes == {"changes": "there is too little travel to compare times"}

@@ -516,6 +516,8 @@ _REPORT_TOTALS: Fields = {
             "metres": "number: way travelled on the map",
             "moving_s": "number: seconds in motion",
             "speed": "number|null: metres a second in motion",
+            "jumps": "integer: traversals too fast to be travel, which have no speed",
+            "max_speed": "number|null: metres a second above which they are",
             "edges": "integer: edges of the clean map",
             "network_metres": "number: their length",
             "repeated": "number|null: share of the way on edges travelled before",

@@ -19,7 +19,7 @@ from gpszip.model import Network
 from gpszip.model.text import count_text
 from gpszip.simplification.traversals import grouped_quantiles
 
-__all__ = ["Usage", "measure_usage", "traversal_speeds"]
+__all__ = ["Usage", "find_jumps", "measure_usage", "traversal_speeds"]
 
 #: Share of an edge that a traversal takes to count as one.
 _MIN_SHARE = 0.5
@@ -162,7 +162,20 @@ def measure_usage(
 
 
 def traversal_speeds(rows: Traversals) -> Floats:
-    """Speed of each traversal in m/s without standing; NaN without times or travel."""
+    """Speed of each traversal in m/s without standing; NaN without times or travel, and of jumps.
+
+    A jump is faster than the ``max_speed`` of the traversals: an error of the receiver.
+    """
+    speeds = _raw_speeds(rows)
+    return np.where(speeds > rows.max_speed, np.nan, speeds)
+
+
+def find_jumps(rows: Traversals) -> NDArray[np.bool_]:
+    """Which traversals are jumps of the receiver, by their speed, shape (n,)."""
+    return _raw_speeds(rows) > rows.max_speed
+
+
+def _raw_speeds(rows: Traversals) -> Floats:
     seconds = rows.leave - rows.enter - rows.standing
     moved = (rows.metres > _MIN_METRES) & (seconds > 0)
     speeds: Floats = np.divide(rows.metres, seconds, out=np.full(len(rows), np.nan), where=moved)

@@ -47,13 +47,19 @@ class DistanceMixture(NamedTuple):
         >>> mixture.on_roads(np.array([0.0, 5.0, 12.0, 20.0, np.nan])).round(2).tolist()
         [0.95, 0.92, 0.51, 0.01, 0.0]
         """
-        on_road = (
+        return np.where(np.isnan(distances), 0.0, self.on_roads_by_square(distances**2))
+
+    def on_roads_by_square(self, squares: Floats) -> Floats:
+        """Probabilities as of :meth:`on_roads`, of squares of distances."""
+        near = (
             self.share
             * math.sqrt(2 / math.pi)
             / self.error
-            * np.exp(-0.5 * (distances / self.error) ** 2)
+            * np.exp(-0.5 / self.error**2 * squares)
         )
-        return np.nan_to_num(on_road / (on_road + (1 - self.share) / self.far))
+        both = near + (1 - self.share) / self.far
+        on_roads: Floats = np.divide(near, both, out=np.zeros(len(squares)), where=both > 0)
+        return on_roads
 
 
 def fit_mixture(distances: Floats, start: DistanceMixture, prior: float = 0.0) -> DistanceMixture:
@@ -77,20 +83,20 @@ def fit_mixture(distances: Floats, start: DistanceMixture, prior: float = 0.0) -
     (0.6, 4)
     """
     # Time steps without a road tell nothing about the errors.
-    known = distances[np.isfinite(distances)]
+    squares = distances[np.isfinite(distances)] ** 2
     mixture = start
-    if not len(known):
+    if not len(squares):
         return mixture
     for _ in range(_ITERATIONS):
         # Expectation.
-        probability = mixture.on_roads(known)
+        probability = mixture.on_roads_by_square(squares)
         steps = float(probability.sum()) + prior
         if not steps:
             return mixture
 
         # Maximisation.
-        square = (float(probability @ known**2) + prior * start.error**2) / steps
-        share = (float(probability.sum()) + prior * start.share) / (len(known) + prior)
+        square = (float(probability @ squares) + prior * start.error**2) / steps
+        share = (float(probability.sum()) + prior * start.share) / (len(squares) + prior)
         mixture = DistanceMixture(
             max(share, _MIN_SHARE), max(math.sqrt(square), _MIN_ERROR * start.far), start.far
         )

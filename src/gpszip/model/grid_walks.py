@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,20 +85,20 @@ class GridWalks:
     def __repr__(self) -> str:
         return f"GridWalks({len(self.walks):,} on {count_text(len(self.nodes), 'node')})"
 
+    @cached_property
+    def first_pieces(self) -> NDArray[np.int64]:
+        """Number of the first piece of each walk, and of all pieces: int64, shape (n + 1,)."""
+        gaps = [np.count_nonzero(walk.gaps) for walk in self.walks]
+        return np.concatenate([[0], np.cumsum(np.array(gaps, np.int64) + 1)])
+
 
 def ends_of_walks(walks: GridWalks, first: int, after: int) -> PieceEnds | None:
     """Ends of the pieces of walks ``first`` to ``after - 1``."""
     # Tick 0 says that pieces last from knot to knot; the arrays are empty then.
     if walks.ends is None or walks.ends.tick == 0:
         return walks.ends
-    before, own = walks.walks[:first], walks.walks[first:after]
-    start = first + _count_gaps(before)
-    pieces = slice(start, start + len(own) + _count_gaps(own))
+    pieces = slice(walks.first_pieces[first], walks.first_pieces[after])
     return PieceEnds(walks.ends.tick, walks.ends.first[pieces], walks.ends.last[pieces])
-
-
-def _count_gaps(walks: Sequence[GridWalk]) -> int:
-    return int(np.count_nonzero(np.concatenate([walk.gaps for walk in walks]))) if walks else 0
 
 
 def concatenated_ends(groups: Sequence[GridWalks]) -> PieceEnds | None:

@@ -248,6 +248,8 @@ def _compare_times(history: History, since: float | None) -> Changes:
     known = np.sort(enter[np.isfinite(enter)])
     if since is None and len(known):
         since = float(known[int(_BEFORE * len(known))])
+        if since == known[0]:
+            raise InputError("there is too little travel to compare times")
     after = enter >= (since if since is not None else 0.0)
     days = (known[-1] - since) / _DAY if len(known) and since is not None else 1.0
     alarms = min(_ALARMS_A_DAY, _ALARMS_IN_ALL / max(days, 1e-9))

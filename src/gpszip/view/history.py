@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.geo.planes import to_plane
+from gpszip.history.usage import find_jumps
 from gpszip.view.blocks import pack_numbers
 
 if TYPE_CHECKING:
@@ -179,17 +180,18 @@ def _show_usage(rows: Traversals, found: Findings) -> dict[str, Any] | None:
         key = rows.edge * _WEEK_HOURS + slot % _DAY_HOURS
     distinct, group = np.unique(key, return_inverse=True)
 
-    # What was travelled in each.
+    # What was travelled in each; jumps of the receiver are kept out of speeds.
     counted = rows.metres >= _MIN_SHARE * found.history.network.lengths[rows.edge]
     moving = np.maximum(rows.leave - rows.enter - rows.standing, 0.0)
+    moves = ~find_jumps(rows)
     edge, hour = np.divmod(distinct, _WEEK_HOURS)
     return {
         "weekdays": has_weekdays,
         "edge": pack_numbers(edge),
         "slot": pack_numbers(hour),
         "traversals": pack_numbers(np.bincount(group, counted)),
-        "metres": pack_numbers(np.bincount(group, rows.metres)),
-        "seconds": pack_numbers(np.bincount(group, moving)),
+        "metres": pack_numbers(np.bincount(group, rows.metres * moves)),
+        "seconds": pack_numbers(np.bincount(group, moving * moves)),
     }
 
 

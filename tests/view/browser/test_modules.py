@@ -170,3 +170,42 @@ def test_segments_are_clipped_to_the_canvas(evaluate, segment, expected):
         "pixels.js", "(() => { const e = clip(...v[0], 100, 100); return e && [...e]; })()", segment
     )
     assert found == (expected and pytest.approx(expected))
+
+
+def test_the_first_view_is_where_travel_is(evaluate):
+    # A street of a kilometre, and three fixes off the coast of Africa.
+    rng = np.random.default_rng(2)
+    street = np.column_stack([rng.uniform(0, 1000, 2000), rng.uniform(0, 5, 2000)])
+    far = np.array([[4e6, -5e6], [4e6, -5e6], [-3e6, 10.0]])
+
+    def areas(positions):
+        columns = dict(zip("xy", positions.T.tolist(), strict=True))
+        scene = {"planes": [], "spread": 0, "archives": [{"nodes": columns, "knots": columns}]}
+        (area,) = evaluate("viewport.js", "findAreas(v[0])", scene)
+        return [
+            [area[name][side] for side in ("minX", "minY", "maxX", "maxY")]
+            for name in ("box", "main")
+        ]
+
+    box, main = areas(np.concatenate([street, far]))
+    assert box == [-3e6, -5e6, 4e6, 10.0]
+    assert main == [*street.min(axis=0), *street.max(axis=0)]
+
+    # Without them, or where they are a good part of all travel, all is shown.
+    assert areas(street)[1] == areas(street)[0] == main
+    box, main = areas(np.concatenate([street[:100], far]))
+    assert box == main
+
+
+def test_jumps_are_no_top_speed(evaluate):
+    # Forty seconds at 10 m/s, and a jump of two kilometres.
+    x = np.append(10.0 * np.arange(40), 2400.0)
+    knots = {"x": x.tolist(), "y": [0.0] * 41, "time": list(range(41)), "line": [0] * 41}
+    found = evaluate(
+        "walks.js",
+        "(v[0].x = Float64Array.from(v[0].x), measureWalk({knots: {...v[0], z: null, "
+        "joined: v[0].line.map(() => true)}, tracks: {offsets: [0, 41], timed: [true]}}, 0, "
+        "[0, 41]))",
+        knots,
+    )
+    assert found == {"distance": 2400, "moving": 40, "fastest": 10, "jumps": 1}

@@ -2,6 +2,7 @@
 
 import html
 import re
+from dataclasses import replace
 from importlib.resources import files
 from xml.etree import ElementTree
 
@@ -11,6 +12,7 @@ import pytest
 import gpszip
 from gpszip.errors import OptionError, OutputError
 from gpszip.view.report.report import build_report
+from gpszip.view.report.sections import _write_places, _write_speeds
 from guard_log import NAME, ODD_ROUND, ROUNDS, START, guard_archive, guard_findings, guard_track
 
 SECTIONS = ["map", "places", "activity", "edges", "changes", "unusual", "rounds"]
@@ -156,3 +158,34 @@ def test_a_report_is_written_once_and_shown_in_notebooks(told, tmp_path):
     assert shown.startswith('<iframe srcdoc="&lt;!DOCTYPE html&gt;')
     assert 'sandbox="allow-scripts"' in shown
     assert repr(told).startswith("HistoryReport(")
+
+
+def test_jumps_and_equal_speeds_are_said():
+    """A passage at 1,000 m/s has no speed, and is told; all hours have the same median."""
+    history, found = guard_findings().history, guard_findings()
+    rows = history.traversals
+    leave, standing = rows.leave.copy(), rows.standing.copy()
+    row = int(rows.metres.argmax())
+    leave[row], standing[row] = rows.enter[row] + rows.metres[row] / 1000, 0.0
+    jumps = replace(rows, leave=leave, standing=standing, max_speed=10.0)
+    told = build_report(
+        replace(found, history=history._replace(traversals=jumps)), guard_archive(), "n"
+    )
+    assert told.numbers["travel"]["jumps"] == 1
+    assert told.numbers["travel"]["max_speed"] == 10.0
+    assert max(each["speed_q3"] for each in told.numbers["speeds"]) < 10
+    assert "1 traversal faster than 10.0 m/s" in without_map(told.html)
+
+    hours = [{"hour": hour, "speed_q1": 0.9, "speed": 1.0, "speed_q3": 1.1} for hour in (3, 4)]
+    said = _write_speeds(hours, fast=False)
+    assert "All hours have a median of 1.0 m/s." in said
+    assert "Fastest" not in said
+
+
+def test_places_without_stays_are_no_stays():
+    trips = {"places": 2, "stays": 0, "trips": 0}
+    place = {"place": 1, "x": 0.0, "y": 0.0, "visits": 0, "dwell_s": 0.0, "usual": "", "role": ""}
+    numbers = {"trips": trips, "places": [{**place, "arrivals": 0}] * 2}
+    said = _write_places(numbers)
+    assert "nobody stayed" in said
+    assert "were spent" not in said

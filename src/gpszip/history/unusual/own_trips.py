@@ -119,7 +119,7 @@ def score_own_trips(
     >>> track = gpszip.Track("bus", times, np.stack([x, 0 * x], axis=1))
     >>> own = score_own_trips(read_history(gpszip.compress(track, rmse=5.0, effort=1)))
     >>> own.unusual, own.left_out
-    (Unusual(11 trips, 0 absences), 0)
+    (Unusual(20 trips, 0 absences), 0)
     """
     # Trips with times, in the order of time, and which of them teach which others.
     network, rows = history
@@ -192,10 +192,10 @@ def _number_spans(rows: Traversals, spans: Sequence[tuple[str, float, float]]) -
 def _predict(usual: Usual, rows: Traversals, asked: Mask, most: int) -> list[tuple[float, bool]]:
     """Probability of the edge taken, and whether it was the likeliest, at some decisions."""
     # Decisions: edges that are followed by another one, and have two ways on besides the way back.
-    options = usual.model.options
+    options, directed = usual.model.options, rows.directed
     ways = np.array([len(row) for row in options])
     follows = np.append(~rows.starts[1:], False)
-    decisions = np.flatnonzero(asked & follows & (ways[rows.directed] > 2))
+    decisions = np.flatnonzero(asked & follows & (ways[directed] > 2))
     decisions = decisions[np.linspace(0, len(decisions) - 1, min(most, len(decisions))).astype(int)]
 
     # What the route before each tells.
@@ -204,12 +204,12 @@ def _predict(usual: Usual, rows: Traversals, asked: Mask, most: int) -> list[tup
     hours = usual.hours(rows)
     told = []
     for start, row in zip(np.maximum(first, decisions - _LOOK_BACK), decisions, strict=True):
-        route = rows.directed[start : row + 1].tolist()
-        if int(rows.directed[row + 1]) not in options[route[-1]]:
+        route = directed[start : row + 1].tolist()
+        if int(directed[row + 1]) not in options[route[-1]]:
             continue
         hour, agent = int(hours[row]), usual.predictor.agent_number(rows.ids[rows.track[row]])
         chances = usual.model.predict(route, None if hour < 0 else hour, agent)
-        taken = options[route[-1]].index(int(rows.directed[row + 1]))
+        taken = options[route[-1]].index(int(directed[row + 1]))
         told.append((chances[taken], chances[taken] == max(chances)))
     return told
 

@@ -71,25 +71,40 @@ class PassIndex(NamedTuple):
         >>> index.count_paths([0, 2, 4], 0, 2)
         Support(all=2, same=1)
         """
-        # The next pass over the last edge, after each pass over the first one in the same route.
+        return self.count_all_paths(route, first, [last])[0]
+
+    def count_all_paths(
+        self, route: Sequence[int], first: int, lasts: Sequence[int]
+    ) -> list[Support]:
+        """How often others went from one edge of a route to each of some later ones.
+
+        As :meth:`count_paths`, at once for all of ``lasts``, which increase.
+        """
+        # What followed each pass over the first edge in its route: shape (passes, edges).
         begins = self._passes(route[first])[-_MAX_PASSES:]
-        arrivals = self._passes(route[last])
-        following = np.searchsorted(arrivals, begins, side="right")
-        begins = begins[following < len(arrivals)]
-        ends = arrivals[following[following < len(arrivals)]]
-        is_way = (ends < self.route_end[begins]) & (ends - begins <= last - first + _LONGER)
-        begins, ends = begins[is_way], ends[is_way]
+        steps = np.array(lasts, np.int64) - first
+        ahead = np.arange(1, int(steps[-1]) + _LONGER + 1)
+        place = begins[:, None] + ahead
+        is_inside = place < self.route_end[begins][:, None]
+        edges = np.where(is_inside, self.directed.take(place, mode="clip"), -1)
+
+        # The next pass over each last edge: shape (passes, lasts, edges).
+        way = np.array(route[first + 1 : lasts[-1] + 1])
+        arrives = (edges[:, None] == way[steps - 1][:, None]) & (ahead <= steps[:, None] + _LONGER)
+        taken = arrives.argmax(axis=2) + 1
+        counts = arrives.any(axis=2)
 
         # Of several passes over the first edge before the same arrival, the last one counts.
-        if len(begins) > 1:
-            is_last = np.append(ends[1:] != ends[:-1], True)
-            begins, ends = begins[is_last], ends[is_last]
+        arrival = begins[:, None] + taken
+        counts[:-1] &= ~(counts[1:] & (arrival[1:] == arrival[:-1]))
 
         # Those by the same edges.
-        way = np.array(route[first : last + 1])
-        same = begins[ends - begins == last - first]
-        is_same = (self.directed[same[:, None] + np.arange(len(way))] == way).all(axis=1)
-        return Support(len(begins), int(is_same.sum()))
+        is_same = np.logical_and.accumulate(edges[:, : len(way)] == way, axis=1)[:, steps - 1]
+        same = counts & (taken == steps) & is_same
+        return [
+            Support(*both)
+            for both in zip(counts.sum(axis=0).tolist(), same.sum(axis=0).tolist(), strict=True)
+        ]
 
     def passes(self, edge: int) -> int:
         """Return how often a directed edge was passed."""

@@ -137,17 +137,19 @@ def surprising_parts(index: PassIndex, route: Sequence[int], bits: Sequence[floa
     # The cost of all parts.
     total = np.concatenate(([0.0], np.cumsum(bits))).tolist()
     count = len(route)
-    parts = []
+    parts: list[Part] = []
     for first in range(count - 1):
         longest = min(count - 1, first + _MAX_TURNS)
-        for last in range(min(first + _MIN_TURNS, longest), longest + 1):
-            turns = total[last + 1] - total[first + 1]
-            paths = 0.0
-            if turns >= _MIN_TURN_BITS:
-                support = index.count_paths(route, first, last)
+        lasts = range(min(first + _MIN_TURNS, longest), longest + 1)
+        turns = [total[last + 1] - total[first + 1] for last in lasts]
+        paths = [0.0] * len(lasts)
+        asked = [i for i, each in enumerate(turns) if each >= _MIN_TURN_BITS]
+        if asked:
+            supports = index.count_all_paths(route, first, [lasts[i] for i in asked])
+            for i, support in zip(asked, supports, strict=True):
                 if support.all:
-                    paths = math.log2((support.all + 1) / (support.same + 0.5))
-            parts.append(Part(first, last, turns, paths))
+                    paths[i] = math.log2((support.all + 1) / (support.same + 0.5))
+        parts += map(Part, [first] * len(lasts), lasts, turns, paths)
 
     # The best ones that don't overlap.
     parts.sort(key=lambda part: (-part.bits, part.last - part.first))

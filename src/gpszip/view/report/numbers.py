@@ -13,7 +13,7 @@ from gpszip.archive import Archive
 from gpszip.geo.planes import to_geographic
 from gpszip.history.calendar import Calendar
 from gpszip.history.traversals import History, Traversals
-from gpszip.history.usage import traversal_speeds
+from gpszip.history.usage import find_jumps, traversal_speeds
 from gpszip.model import Network, ReadResult
 from gpszip.pipeline.findings import Findings
 from gpszip.simplification.traversals import grouped_quantiles
@@ -136,9 +136,10 @@ def _tell_period(found: Findings, archive: Archive, timed: Traversals | None) ->
 
 
 def _sum_travel(found: Findings, history: History) -> Numbers:
-    """All travel together."""
+    """All travel together; jumps of the receiver have neither speed nor time."""
     network, rows = history
-    moving = np.maximum(rows.leave - rows.enter - rows.standing, 0.0)
+    jumps = find_jumps(rows)
+    moving = np.where(jumps, np.nan, np.maximum(rows.leave - rows.enter - rows.standing, 0.0))
     seconds = float(np.nansum(moving))
     metres = float(rows.metres.sum())
     return {
@@ -148,6 +149,8 @@ def _sum_travel(found: Findings, history: History) -> Numbers:
         "speed": _known(float(rows.metres[np.isfinite(moving)].sum()) / seconds)
         if seconds
         else None,
+        "jumps": int(jumps.sum()),
+        "max_speed": _known(rows.max_speed),
         "edges": len(network),
         "network_metres": _known(float(network.lengths.sum()), 1),
         "repeated": None if found.usage is None else _known(found.usage.repeated, 4),

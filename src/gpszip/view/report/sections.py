@@ -148,12 +148,14 @@ def _write_places(numbers: Numbers) -> str:
         return _cannot(numbers, "trips", "no stay of five minutes or more was found")
 
     # The place where most time is spent, and roles with their evidence.
-    first = places[0]
-    text = (
-        f"{_strong(count_text(trips['places'], 'place'))} with "
-        f"{count_text(trips['stays'], 'stay')}; {_strong(duration_text(first['dwell_s']))} were "
-        f"spent at place {first['place']}, in {count_text(first['visits'], 'visit')}."
-    )
+    first, seen = places[0], _strong(count_text(trips["places"], "place"))
+    text = f"{seen}, where trips begin or end; nobody stayed."
+    if trips["stays"]:
+        text = (
+            f"{seen} with {count_text(trips['stays'], 'stay')}; "
+            f"{_strong(duration_text(first['dwell_s']))} were spent at place {first['place']}, in "
+            f"{count_text(first['visits'], 'visit')}."
+        )
     roles = [place for place in places if place["role"]]
     for place in roles:
         evidence = html.escape(place["evidence"])
@@ -277,11 +279,14 @@ def _write_speeds(speeds: list[Numbers] | None, *, fast: bool) -> str:
     # The extremes in a sentence, and all hours in a picture.
     fastest = max(speeds, key=lambda each: each["speed"])
     slowest = min(speeds, key=lambda each: each["speed"])
-    text = (
-        f"Speeds by hour, without standing: dots are medians, bars hold half of all travel. "
-        f"Fastest is {fastest['hour']} h with {speed_text(fastest['speed'], fast=fast)}, slowest "
-        f"{slowest['hour']} h with {speed_text(slowest['speed'], fast=fast)}."
-    )
+    high, low = (speed_text(each["speed"], fast=fast) for each in (fastest, slowest))
+    text = "Speeds by hour, without standing: dots are medians, bars hold half of all travel. "
+    if high == low:
+        text += f"All hours have a median of {high}."
+    else:
+        text += (
+            f"Fastest is {fastest['hour']} h with {high}, slowest {slowest['hour']} h with {low}."
+        )
     top = max(each["speed_q3"] for each in speeds)
     picture = draw_speeds(
         [each["hour"] for each in speeds],
@@ -450,7 +455,14 @@ def _write_doubt(numbers: Numbers, calendar: Calendar, remarks: Sequence[str]) -
             f"{count_text(archive['gaps'], 'gap')} of the tracks: no travel is claimed there."
         )
 
-    # Hours, trips, and what the log lost.
+    # Jumps, hours, trips, and what the log lost.
+    travel = numbers["travel"]
+    if travel is not None and travel["jumps"]:
+        limit = speed_text(travel["max_speed"], fast=_is_fast(numbers))
+        notes.append(
+            f"{count_text(travel['jumps'], 'traversal')} faster than {limit}, four times the speed "
+            "that 95 % of travel keeps, count as jumps of the receiver: no speed is told of them."
+        )
     if numbers["period"] is not None:
         said = calendar.describe()
         notes.append(f"{html.escape(said[:1].upper() + said[1:])}.")

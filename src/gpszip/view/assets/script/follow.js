@@ -55,6 +55,15 @@ export function fitArea({ store, areas, panes }) {
 }
 
 /**
+ * Show nearly all travel of the area: what a few outliers would make small.
+ * @param {App} app
+ */
+export function fitTravel({ store, areas, panes }) {
+  const [{ width, height }] = panes;
+  store.set({ view: fitBox(areas[store.state.area].main, width, height), follow: false });
+}
+
+/**
  * Show all of the chosen track, or of the area if all are chosen.
  * @param {App} app
  */

@@ -8,7 +8,7 @@ import { clockExtent, setClock, startClock } from "./clock.js";
 import { colourScene } from "./colouring.js";
 import { find, make, show } from "./dom.js";
 import { findWorst } from "./errors.js";
-import { centreOnAgent, fitArea, fitMap, showTrack } from "./follow.js";
+import { centreOnAgent, fitArea, fitMap, fitTravel, showTrack } from "./follow.js";
 import { listenToPane } from "./gestures.js";
 import { formatPosition } from "./graticule.js";
 import { ALL_HOURS } from "./history.js";
@@ -247,6 +247,7 @@ function startPage(scene) {
   hideEmpty(scene);
   watchSizes(app, plot);
   fit();
+  fitTravel(app);
 
   // Mouse, touch, keys, printer.
   app.panes.forEach((pane) => {

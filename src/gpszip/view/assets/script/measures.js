@@ -7,7 +7,8 @@
  * @typedef {object} Measures
  * @property {number} distance metres along the walks
  * @property {number} moving seconds with a known position
- * @property {number} fastest metres a second
+ * @property {number} fastest metres a second, without jumps of the receiver
+ * @property {number} jumps how many
  * @property {number} samples how many
  * @property {number} rmse metres; NaN if no sample has an error
  * @property {number} maxError metres; NaN if no sample has an error
@@ -28,13 +29,14 @@ import { lastAtMost, measureWalk, trackExtent } from "./walks.js";
  */
 export function measureRange(app, archive, range) {
   // Walks.
-  let [distance, moving, fastest] = [0, 0, 0];
+  let [distance, moving, fastest, jumps] = [0, 0, 0, 0];
   for (const track of clockTracks(app, archive)) {
     const shift = clockShift(app, archive, track);
     const walk = measureWalk(archive, track, [range[0] + shift, range[1] + shift]);
     distance += walk.distance;
     moving += walk.moving;
     fastest = Math.max(fastest, walk.fastest);
+    jumps += walk.jumps;
   }
 
   // Samples.
@@ -53,7 +55,7 @@ export function measureRange(app, archive, range) {
       if (!(maxError >= error[i])) maxError = error[i];
     }
   }
-  return { distance, moving, fastest, samples, rmse: Math.sqrt(squares / known), maxError };
+  return { distance, moving, fastest, jumps, samples, rmse: Math.sqrt(squares / known), maxError };
 }
 
 /**
@@ -74,6 +76,7 @@ export function measureRows(app, archive, measures, extent) {
   if (epoch && measures.moving > 0) {
     rows.push(["Mean speed", formatSpeed(measures.distance / measures.moving, units)]);
     rows.push(["Top speed", formatSpeed(measures.fastest, units)]);
+    if (measures.jumps) rows.push(["Jumps, without speed", formatCount(measures.jumps)]);
   }
   if (epoch && measures.moving < extent * 0.999 && clockTracks(app, archive).length === 1) {
     rows.push(["Without a position", formatDuration(extent - measures.moving)]);

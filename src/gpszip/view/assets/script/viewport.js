@@ -6,8 +6,8 @@
  *
  * @typedef {{minX: number, minY: number, maxX: number, maxY: number}} Box
  * @typedef {import("./store.js").Viewport} Viewport
- * @typedef {{label: string, box: Box, x: number, center: [number, number] | null}} Area
- *   What one plane holds; x is where its centre lies.
+ * @typedef {{label: string, box: Box, main: Box, x: number, center: [number, number] | null}} Area
+ *   What one plane holds; main is the box of nearly all travel, x is where its centre lies.
  */
 
 import { formatDegrees } from "./format.js";
@@ -17,6 +17,14 @@ const MARGIN = 36;
 
 /** Metres that are seen at least. */
 const SMALLEST_EXTENT = 0.5;
+
+/** Positions from which the box of nearly all travel is found, and the share of them on each side of
+ * its middle part. */
+const MAIN_POSITIONS = 20_000;
+const OUTER_SHARE = 0.005;
+
+/** Share of the extent of all that the box of nearly all travel is shown instead below. */
+const MUCH_SMALLER = 0.5;
 
 /** Limits of the scale: pixels for a metre. */
 const MIN_SCALE = 1e-7;
@@ -46,11 +54,65 @@ export function findAreas(scene) {
       ? `${formatDegrees(center[0], "lat", 2)} ${formatDegrees(center[1], "lon", 2)}`
       : "",
     box: boxes[i],
+    main: mainBox(scene, i, boxes[i]),
     x: i * (scene.planes.length ? scene.spread : 0),
     center,
   }));
   const used = areas.filter(({ box }) => box.minX <= box.maxX);
-  return used.length ? used : [{ ...areas[0], box: { minX: -1, minY: -1, maxX: 1, maxY: 1 } }];
+  if (used.length) return used;
+  const box = { minX: -1, minY: -1, maxX: 1, maxY: 1 };
+  return [{ ...areas[0], box, main: box }];
+}
+
+/**
+ * Box of nearly all travel in an area: without a few positions that lie so far off that they would
+ * make the rest small.
+ * @param {import("./scene.js").Scene} scene
+ * @param {number} area
+ * @param {Box} box of all positions
+ * @returns {Box}
+ */
+function mainBox(scene, area, box) {
+  // Some knots of the area.
+  const total = scene.archives.reduce((sum, { knots }) => sum + knots.x.length, 0);
+  const step = Math.max(Math.ceil(total / MAIN_POSITIONS), 1);
+  /** @type {[number[], number[]]} */
+  const [xs, ys] = [[], []];
+  for (const { knots } of scene.archives) {
+    for (let k = 0; k < knots.x.length; k += step) {
+      if (areaOf(knots.x[k], scene) !== area) continue;
+      xs.push(knots.x[k]);
+      ys.push(knots.y[k]);
+    }
+  }
+  if (!xs.length) return box;
+
+  // Those near the middle part of them.
+  const [[lowX, highX], [lowY, highY]] = [nearMiddle(xs), nearMiddle(ys)];
+  const main = emptyBox();
+  for (let i = 0; i < xs.length; i++) {
+    const isNear = lowX <= xs[i] && xs[i] <= highX && lowY <= ys[i] && ys[i] <= highY;
+    if (isNear) extend(main, xs[i], ys[i]);
+  }
+  const isSmaller = largerSide(main) > 0 && largerSide(main) < MUCH_SMALLER * largerSide(box);
+  return isSmaller ? main : box;
+}
+
+/**
+ * Range of the middle part of values, with as much again on each side.
+ * @param {number[]} values
+ * @returns {[number, number]}
+ */
+function nearMiddle(values) {
+  const sorted = Float64Array.from(values).sort();
+  const outer = Math.floor(OUTER_SHARE * sorted.length);
+  const [low, high] = [sorted[outer], sorted[sorted.length - 1 - outer]];
+  return [2 * low - high, 2 * high - low];
+}
+
+/** @param {Box} box */
+function largerSide({ minX, minY, maxX, maxY }) {
+  return Math.max(maxX - minX, maxY - minY);
 }
 
 /**

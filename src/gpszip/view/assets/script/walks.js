@@ -5,6 +5,10 @@
  * @typedef {{x: number, y: number, z: number, time: number}} Position
  */
 
+/** Share of the segments whose speeds jumps are compared with, and how much faster jumps are. */
+const FAST_QUANTILE = 0.95;
+const JUMP_FACTOR = 4;
+
 /**
  * Number of the last value that is at most a given one, in a sorted part of an array.
  * @param {Float64Array} values
@@ -94,18 +98,41 @@ export function segmentSpeed(archive, k) {
   return segmentLength(archive, k) / duration;
 }
 
+/** @type {WeakMap<Archive, number>} */
+const speedLimits = new WeakMap();
+
+/**
+ * Speed above which a segment is a jump of the receiver: four times the speed that one segment in
+ * twenty exceeds, as for cleaning and matching.
+ * @param {Archive} archive
+ */
+function speedLimit(archive) {
+  let limit = speedLimits.get(archive);
+  if (limit === undefined) {
+    const speeds = archive.knots.x
+      .map((_, k) => (k ? segmentSpeed(archive, k) : NaN))
+      .filter((speed) => speed > 0)
+      .sort();
+    limit = JUMP_FACTOR * (speeds[Math.floor(FAST_QUANTILE * speeds.length)] ?? Infinity);
+    speedLimits.set(archive, limit);
+  }
+  return limit;
+}
+
 /**
  * What a track does in a time range.
  * @param {Archive} archive
  * @param {number} track
  * @param {[number, number]} range
- * @returns {{distance: number, moving: number, fastest: number}} metres, seconds with a position,
- *   and the largest speed in metres a second
+ * @returns {{distance: number, moving: number, fastest: number, jumps: number}} metres, seconds
+ *   with a position, the largest speed in metres a second without jumps of the receiver, and the
+ *   number of these
  */
 export function measureWalk(archive, track, range) {
   const { knots, tracks } = archive;
   const [from, to] = [tracks.offsets[track], tracks.offsets[track + 1]];
-  let [distance, moving, fastest] = [0, 0, 0];
+  const limit = speedLimit(archive);
+  let [distance, moving, fastest, jumps] = [0, 0, 0, 0];
   for (let k = Math.max(lastAtMost(knots.time, range[0], from, to), from) + 1; k < to; k++) {
     if (knots.time[k - 1] >= range[1]) break;
     if (!knots.joined[k]) continue;
@@ -117,9 +144,11 @@ export function measureWalk(archive, track, range) {
     if (share < 0) continue;
     distance += share * segmentLength(archive, k);
     moving += Math.max(inside, 0);
-    fastest = Math.max(fastest, segmentSpeed(archive, k) || 0);
+    const speed = segmentSpeed(archive, k) || 0;
+    if (speed > limit) jumps++;
+    else fastest = Math.max(fastest, speed);
   }
-  return { distance, moving, fastest };
+  return { distance, moving, fastest, jumps };
 }
 
 /**
