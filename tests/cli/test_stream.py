@@ -12,6 +12,14 @@ import pytest
 
 import gpszip as package
 
+#: A process that a shell started in the background ignores SIGINT, and so do its children.
+SCRIPT = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from gpszip.cli.main import run
+run()
+"""
+
 #: One time step a second around a circle of 50 m, 40 points a round.
 OPTIONS = "compress --stream --rmse 50cm --effort 1"
 
@@ -39,7 +47,7 @@ class Robot:
     """A robot whose rows go into a process of gpszip."""
 
     def __init__(self, folder, *options):
-        command = [sys.executable, "-m", "gpszip", *OPTIONS.split(), "-o", "a.gpsz", *options]
+        command = [sys.executable, "-c", SCRIPT, *OPTIONS.split(), "-o", "a.gpsz", *options]
         self.process = subprocess.Popen(
             command, cwd=folder, stdin=subprocess.PIPE, stderr=subprocess.PIPE
         )
@@ -65,10 +73,11 @@ class Robot:
     def end(self, number):
         """Send a signal; return the exit code and what was told."""
         self.process.send_signal(number)
+        code = self.process.wait(120)
         told = self.process.stderr.read().decode()
         self.process.stdin.close()
         self.process.stderr.close()
-        return self.process.wait(120), told
+        return code, told
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no such signals")
