@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gpszip.codec.walks import decode, encode
+from gpszip.mapping import rounds
 from gpszip.mapping.initial_map import walks_of
 from gpszip.mapping.plan import Plan, is_dense
 from gpszip.mapping.rounds import Outcome, estimate_prices, fit, start_from
@@ -114,9 +115,10 @@ def sparse_log():
     return build_time_grid(tracks, no_gaps, grid, sparse=True), len(tracks)
 
 
-def test_many_knots_end_the_rounds_once_they_use_up_the_error(sparse_log):
+def test_many_knots_end_the_rounds_once_they_use_up_the_error(sparse_log, monkeypatch):
     # Smaller walks of a later round are not found.
-    plan = Plan(target=1.0, rounds=16, used_up=0.95)
+    monkeypatch.setattr(rounds, "_USED_UP", 0.95)
+    plan = Plan(target=1.0, rounds=16)
     early, late = (fit(*sparse_log, replace(plan, many_knots=least)) for least in (1, 100_000))
     assert early.error > 0.95
     assert early.size > late.size

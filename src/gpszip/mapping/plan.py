@@ -57,8 +57,6 @@ class Plan:
     encode_alternate_rounds : bool, default False
         Encode the walks only every other round before the last few, concurrently with the next
         round. Prices then lag behind by one round.
-    used_up : float, default 0.992
-        Share of the target from which on an outcome's error uses it up.
     many_knots : int, optional
         Knots from which on an outcome that uses up the error ends the rounds before their number is
         reached.
@@ -93,7 +91,6 @@ class Plan:
     give_up_ratio: float = np.inf
     beam: float = np.inf
     encode_alternate_rounds: bool = False
-    used_up: float = 0.992
     many_knots: int | None = None
     tolerance: float = 1.0
     maximum: float | None = None

@@ -73,6 +73,8 @@ _AIM = 0.995
 _SLACK = 0.99
 #: The same where rounds follow until the error allowed is used up.
 _SMALL_SLACK = 0.998
+#: Share of the error allowed from which on it counts as used up.
+_USED_UP = 0.992
 #: Share of the last round's error above which the error hardly falls.
 _STUCK = 0.98
 
@@ -255,7 +257,8 @@ def fit(
     # Start from private chains, with near knots clustered, unless there is a start.
     current_grid = time_grid if sparse_grid is None else sparse_grid
     is_cold = start is None
-    start = start or _start_cold(current_grid, plan, prior, executor)
+    if start is None:
+        start = _start_cold(current_grid, plan, prior, executor)
     if start is None:
         return None
     slot_nodes, positions, prices = start
@@ -385,7 +388,7 @@ class _BestOutcome:
 
     def is_used_up(self) -> bool:
         """Whether the best outcome uses up the error allowed."""
-        enough = self.plan.used_up * self.plan.target
+        enough = _USED_UP * self.plan.target
         best_error = self.outcome.error if self.outcome else 0.0
         if self.waiting is not None and max(self.waiting[0].error, best_error) > enough:
             self.encode()

@@ -214,7 +214,8 @@ def _fewest_intervals(problem: _BoundedProblem, m: int | float | None) -> Segmen
     if m is None:
         raise BoundError(
             f"track {problem.track.id!r}: no number of intervals up to {problem.most} keeps "
-            "the bound; allow a larger error"
+            "the bound",
+            remedy="allow a larger error",
         )
     raise BoundError(
         f"track {problem.track.id!r}: no number of intervals of {found.m} segments keeps the "
