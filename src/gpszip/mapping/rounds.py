@@ -257,8 +257,7 @@ def fit(
     # Start from private chains, with near knots clustered, unless there is a start.
     current_grid = time_grid if sparse_grid is None else sparse_grid
     is_cold = start is None
-    if start is None:
-        start = _start_cold(current_grid, plan, prior, executor)
+    start = start or _start_cold(current_grid, plan, prior, executor)
     if start is None:
         return None
     slot_nodes, positions, prices = start

@@ -135,18 +135,18 @@ class TableInterpreter:
         """
         # Find what holds for all rows, from the first batch that has some.
         table, malformed = batch
-        reader, request = self._facts, self._request
+        facts, request = self._facts, self._request
         if request.dates is None and table.num_rows:
-            request = replace(request, dates=_find_date_order(reader, table, request))
+            request = replace(request, dates=_find_date_order(facts, table, request))
         has_first_rows = self._conventions is None and table.num_rows > 0
         if has_first_rows:
             self._conventions = find_conventions(
                 table.columns,
-                reader.column_names,
-                reader.roles,
+                facts.column_names,
+                facts.roles,
                 request,
-                reader.name,
-                decimal_comma=reader.uses_decimal_comma(),
+                facts.name,
+                decimal_comma=facts.uses_decimal_comma(),
             )
         self._request = request
         if not table.num_rows and not malformed:
@@ -155,13 +155,13 @@ class TableInterpreter:
         # Interpret the columns.
         raw = build_raw_log(
             table.columns,
-            reader.column_names,
-            reader.roles,
+            facts.column_names,
+            facts.roles,
             request,
-            reader.name,
+            facts.name,
             first=self._row_number,
             conventions=self._conventions,
-            repairs=malformed_rows_repair(malformed, reader.name),
+            repairs=malformed_rows_repair(malformed, facts.name),
             all_rows=False,
         )
         self._row_number += table.num_rows
@@ -176,26 +176,26 @@ class TableInterpreter:
         return raw
 
 
-def _find_date_order(reader: TableFacts, table: Any, request: Request) -> str | None:
+def _find_date_order(facts: TableFacts, table: Any, request: Request) -> str | None:
     """Find the order of day, month and year; None if this batch has no such dates.
 
     It is found from all rows of the file, so that every batch is read in the same order.
     """
-    names, roles = reader.column_names, reader.roles
+    names, roles = facts.column_names, facts.roles
     # Most files need no second reading: the order is stated, or no date has three numbers.
     stated = find_date_order(names, roles, request)
     if stated is not None or not roles.time:
         return stated
-    if not _possible_date_orders(reader, table, request).first:
+    if not _possible_date_orders(facts, table, request).first:
         return None
-    tables = reader.read_as_text()
-    orders = reduce(or_, (_possible_date_orders(reader, table, request) for table in tables))
-    return orders.decide(reader.name, f"column {names[roles.time[-1]]!r}")
+    tables = facts.read_as_text()
+    orders = reduce(or_, (_possible_date_orders(facts, table, request) for table in tables))
+    return orders.decide(facts.name, f"column {names[roles.time[-1]]!r}")
 
 
-def _possible_date_orders(reader: TableFacts, table: Any, request: Request) -> DateOrders:
+def _possible_date_orders(facts: TableFacts, table: Any, request: Request) -> DateOrders:
     """Return the orders of day, month and year in which all dates of a batch are valid."""
-    roles = reader.roles
+    roles = facts.roles
     columns = dict(zip(roles.used, table.columns, strict=False))
 
     # Columns of type timestamp or date have no order.
@@ -203,5 +203,5 @@ def _possible_date_orders(reader: TableFacts, table: Any, request: Request) -> D
     if any(not is_text(kind) and pa.types.is_temporal(kind) for kind in types):
         return DateOrders()
 
-    cells = join_time_columns(columns, reader.column_names, roles, request, reader.name)
+    cells = join_time_columns(columns, facts.column_names, roles, request, facts.name)
     return find_date_orders(trimmed_text(cells)) if is_text(cells.type) else DateOrders()
