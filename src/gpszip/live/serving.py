@@ -34,6 +34,9 @@ _BACKLOG = 1_024
 #: Seconds in which requests are finished when a server ends.
 _END_SECONDS = 5
 
+#: Peers whose X-Forwarded-For is believed: proxies on this machine. Others could write any address.
+_PROXIES = ("127.0.0.1", "::1", "::ffff:127.0.0.1")
+
 
 def require_server(option: str) -> None:
     """Refuse an option whose packages are missing.
@@ -140,6 +143,8 @@ async def serve(app: Any, bound: socket.socket, max_connections: int, head_bytes
         access_log=False,
         lifespan="off",
         server_header=False,
+        # By default, a variable of the environment may name others.
+        forwarded_allow_ips=list(_PROXIES),
         limit_concurrency=max_connections,
         h11_max_incomplete_event_size=head_bytes,
         timeout_graceful_shutdown=_END_SECONDS,
