@@ -8,22 +8,25 @@ import contextlib
 import hmac
 import socket
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gpszip.errors import MissingExtraError, OptionError
 
+if TYPE_CHECKING:
+    from starlette.responses import Response
+
 __all__ = [
-    "PAUSE_SECONDS",
     "address_text",
     "bind",
     "credentials_of",
     "is_token",
+    "refuse_token",
     "require_server",
     "serve",
 ]
 
 #: Seconds that the answer to a wrong token takes, so that few can be tried.
-PAUSE_SECONDS = 0.5
+_PAUSE_SECONDS = 0.5
 
 #: Seconds until the head of a request is there; connections that send none are closed.
 _HEAD_SECONDS = 30.0
@@ -116,6 +119,15 @@ def credentials_of(header: str) -> tuple[str, str]:
 def is_token(given: str, token: str) -> bool:
     """Compare two tokens in a time that does not tell where they differ."""
     return hmac.compare_digest(given.encode("utf-8", "replace"), token.encode())
+
+
+async def refuse_token() -> Response:
+    """Return the answer to a wrong token, after a while: few can be tried."""
+    from starlette.responses import PlainTextResponse
+
+    await asyncio.sleep(_PAUSE_SECONDS)
+    challenge = {"WWW-Authenticate": 'Basic realm="gpszip"'}
+    return PlainTextResponse("wrong token\n", 401, headers=challenge)
 
 
 async def serve(app: Any, bound: socket.socket, max_connections: int, head_bytes: int) -> None:
