@@ -120,6 +120,7 @@ def test_lines_that_wait_for_others_are_stored_before_the_end(tmp_path):
         (["--max-rate", "9", "--page", "0"], 2, "--max-rate needs --http"),
         (["--delay", "1s"], 2, "--delay needs --output or --page"),
         (["--silent-after", "1h", "--http", "0"], 2, "--silent-after needs --output or --page"),
+        (["-o", "a", "--archive", "a", "--rmse", "5m"], 2, "that is the archive"),
         (["--effort", "5"], 2, "--effort needs --archive"),
         (["--sign", "k", "-o", "mqtt://a"], 2, "--sign needs -o with a webhook"),
         (["--columns", "t=a", "--gpsd", "a"], 2, "--columns needs --stdin"),
@@ -193,6 +194,11 @@ def test_killed_at_any_moment_no_event_is_lost_or_comes_twice(tmp_path):
     found = [Event.from_json(line) for line in events.read_text().splitlines()]
     assert len({event.id for event in found}) == len(found)
     assert {event.id for event in standing(found)} == expected_events(journal)
+
+
+def test_events_do_not_go_to_files_of_the_journal(listen, tmp_path):
+    code, told = listen("", "-o", tmp_path / "journal" / "events")
+    assert (code, "the journal has its own files there" in told.err) == (2, True)
 
 
 def test_events_and_the_summary_do_not_share_standard_output(listen):

@@ -58,10 +58,23 @@ def check_choices(choices: dict[str, Any], folder: str) -> None:
     for name in _NOT_NOW:
         if choices["roll_now"] and choices[name]:
             raise click.UsageError(f"--roll-now archives and ends; leave out {_option(name)}")
-    _check_events(choices, folder)
+    _check_files(choices, Path(folder))
+    _check_events(choices, Path(folder))
 
 
-def _check_events(choices: dict[str, Any], folder: str) -> None:
+def _check_files(choices: dict[str, Any], folder: Path) -> None:
+    """Refuse a file of events that the journal or the archive would replace."""
+    for text in choices["outputs"]:
+        if text in ("", "-") or "://" in text:
+            continue
+        path = Path(text).resolve()
+        if path.parent == folder.resolve():
+            raise click.UsageError(f"-o {text}: the journal has its own files there; name another")
+        if choices["archive"] and path == Path(choices["archive"]).resolve():
+            raise click.UsageError(f"-o {text}: that is the archive; name another file")
+
+
+def _check_events(choices: dict[str, Any], folder: Path) -> None:
     """Refuse a map without events, and an archive that takes positions before their events."""
     from gpszip.live.place_read import read_place, state_path
 
@@ -74,11 +87,11 @@ def _check_events(choices: dict[str, Any], folder: str) -> None:
         return
 
     # A former listener told events, and the journal is kept for the next one that does.
-    if read_place(Path(folder)) is not None:
+    if read_place(folder) is not None:
         raise click.UsageError(
             f"{folder}: events of this journal were asked for, and --archive would delete "
             "positions before they are found; add -o or --page, or remove "
-            f"{state_path(Path(folder))} to do without events"
+            f"{state_path(folder)} to do without events"
         )
 
 
