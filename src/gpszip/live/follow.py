@@ -253,6 +253,8 @@ class _JournalReader:
         while len(found) < count:
             if not self._open():
                 break
+
+            # A whole line.
             assert self._file is not None
             line = self._file.readline(_MAX_LINE_BYTES)
             if line.endswith(b"\n"):
@@ -261,6 +263,8 @@ class _JournalReader:
                 if fix is not None:
                     found.append(fix)
                 continue
+
+            # The end of what is written, or of the segment.
             self._file.seek(self.offset)
             if not self._next():
                 break

@@ -115,10 +115,13 @@ def roll(
         If nothing can be appended to the archive, or events of the journal were asked for and not
         found yet, and no listener runs.
     """
+    # One process at a time.
     journal = Path(folder)
     lock = Lock(journal, _LOCK)
     if not lock.acquire():
         raise OutputError("another process archives this journal", path=journal)
+
+    # Each batch is deleted once it is archived.
     report = RollReport()
     try:
         for batch in _batches(_complete_segments(journal, report)):

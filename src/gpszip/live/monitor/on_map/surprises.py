@@ -180,12 +180,16 @@ class Surprises:
         if self._is_stop_told or not self._next_look <= seconds < MIN_STOP:
             # A longer one ends the trip, as in archives.
             return []
+
+        # Is it unusual to stop so long there?
         self._next_look = 2 * seconds
         if self._is_end(fix, directed):
             return []
         bits = self._usual.stops.bits(directed, seconds)
         if bits <= _STOP_BITS:
             return []
+
+        # Tell it once.
         self._is_stop_told = True
         why = f"stands for {duration_text(seconds)} on edge {directed >> 1}"
         details = {"since": round(self._still.time, 3), "bits": round(bits, 1)}
