@@ -87,6 +87,7 @@ def track_rows(track: Track, start: float, end: float, shift: float) -> str:
 
 def show(folder: Path, seconds: float | None) -> int:
     """Listen and replay until Ctrl-C, or for some seconds."""
+    # Start the listener, and replay the second day to it.
     words = ["listen", folder / "map.gpsz", "--journal", folder / "journal", "--delay", "1s"]
     words += ["--http", "127.0.0.1:0", "--page", "127.0.0.1:0"]
     listener = start(*words, stderr=subprocess.PIPE)
@@ -96,6 +97,8 @@ def show(folder: Path, seconds: float | None) -> int:
         second = folder / "second.csv"
         to_listener = ["--as", "owntracks", "--to", f"{target}/owntracks", "--speed", "60"]
         replay = start("replay", second, *to_listener, "--quiet")
+
+        # Wait.
         print(f"open {page} in a browser; Ctrl-C ends the demo", flush=True)
         with contextlib.suppress(KeyboardInterrupt):
             time.sleep(seconds if seconds is not None else 1e9)

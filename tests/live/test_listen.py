@@ -114,7 +114,17 @@ def test_lines_that_wait_for_others_are_stored_before_the_end(tmp_path):
         (["--max-rate", "0"], 2, "not in the range x>0"),
         (["--max-rate", "nan"], 2, "nan is no number of requests"),
         (["-o", ""], 2, "no address of events"),
-        (["--owntracks-keys", "none"], 1, "can't be read"),
+        (["--http", "0", "--owntracks-keys", "none"], 1, "can't be read"),
+        (["--owntracks-keys", "none"], 2, "--owntracks-keys needs --http or --mqtt"),
+        (["--token", "a"], 2, "--token needs --http or --page"),
+        (["--max-rate", "9", "--page", "0"], 2, "--max-rate needs --http"),
+        (["--delay", "1s"], 2, "--delay needs --output or --page"),
+        (["--silent-after", "1h", "--http", "0"], 2, "--silent-after needs --output or --page"),
+        (["-o", "a", "--archive", "a", "--rmse", "5m"], 2, "that is the archive"),
+        (["--effort", "5"], 2, "--effort needs --archive"),
+        (["--sign", "k", "-o", "mqtt://a"], 2, "--sign needs -o with a webhook"),
+        (["--columns", "t=a", "--gpsd", "a"], 2, "--columns needs --stdin"),
+        (["--roll-now", "--archive", "a", "--http", "0"], 2, "leave out --http"),
         (["--name", "x" * 91], 2, "give at most 90 letters"),
         (["--name", "a\nb"], 2, "give at most 90 letters"),
         (["--columns", "t,x,y"], 2, "name columns of the header"),
@@ -186,9 +196,28 @@ def test_killed_at_any_moment_no_event_is_lost_or_comes_twice(tmp_path):
     assert {event.id for event in standing(found)} == expected_events(journal)
 
 
+def test_events_do_not_go_to_files_of_the_journal(listen, tmp_path):
+    code, told = listen("", "-o", tmp_path / "journal" / "events")
+    assert (code, "the journal has its own files there" in told.err) == (2, True)
+
+
 def test_events_and_the_summary_do_not_share_standard_output(listen):
     code, told = listen("", "-o", "-", "--json")
     assert (code, "both write to standard output" in told.err) == (2, True)
+
+
+def test_a_journal_with_events_is_not_archived_without_them(listen, tmp_path):
+    to_archive = ["--archive", tmp_path / "a.gpsz", "--max-error", "5m"]
+    events = ["-o", tmp_path / "events.ndjson"]
+    assert listen(walk(0, 10), *events)[0] == 0
+    code, told = listen(walk(10, 10), *to_archive)
+    assert (code, "add -o or --page, or remove" in told.err) == (2, True)
+    # Nor are positions that were stored without events meanwhile, until these are found.
+    assert listen(walk(10, 10))[0] == 0
+    code, told = listen("", *to_archive, "--roll-now")
+    assert (code, "run gpszip listen with -o or --page again" in told.err) == (2, True)
+    assert len(stored(tmp_path / "journal")) == 20
+    assert not (tmp_path / "a.gpsz").exists()
 
 
 @needs_server

@@ -13,6 +13,7 @@ import click
 
 from gpszip.cli.completing import complete_files
 from gpszip.cli.format_lists import CommandWithFormats
+from gpszip.cli.listen_checks import check_choices
 from gpszip.cli.live_page import open_page, page_option
 from gpszip.cli.live_sources import open_subscriptions, owntracks_keys, subscription_options
 from gpszip.cli.options import Settings, check_token, common_options, quiet
@@ -181,10 +182,7 @@ def command(
 
     # Refuse what can be refused before anything is opened.
     is_quiet = quiet or settings.json
-    if choices["map"] and not choices["outputs"] and not choices["page"]:
-        raise click.UsageError(
-            "a map tells events; say where they go with -o, as -o events.ndjson, or --page"
-        )
+    check_choices(choices, folder)
     if settings.json and "-" in choices["outputs"]:
         raise click.UsageError("--json and -o - both write to standard output; name a file")
     notices = Notices(_no_line if is_quiet else print_status)
@@ -269,16 +267,12 @@ def _check_token_variable(choices: dict[str, Any]) -> None:
 
 
 def _check_archive(choices: dict[str, Any]) -> str | None:
-    """Refuse an archive to which nothing can be appended, and options that need one."""
+    """Refuse an archive to which nothing can be appended."""
     from gpszip.cli.output import check_output
     from gpszip.live.rolling.archives import open_archives
 
     archive: str | None = choices["archive"]
     if archive is None:
-        for option in ("every", "roll_now", "rmse", "max_error"):
-            if choices[option]:
-                name = "--roll" if option == "every" else f"--{option.replace('_', '-')}"
-                raise click.UsageError(f"{name} needs --archive, the archive to append to")
         return None
     check_output(archive, force=True)
     is_bounded = choices["rmse"] is not None or choices["max_error"] is not None
@@ -449,7 +443,9 @@ def _describe(report: RollReport) -> str:
     facts += [f"{report.late:,} in further tracks, late or after a break"] if report.late else []
     facts += [f"{report.damaged:,} damaged records passed over"] if report.damaged else []
     deleted = "1 segment" if report.segments == 1 else f"{report.segments:,} segments"
-    return "; ".join([*facts, f"{deleted} of the journal deleted"])
+    facts.append(f"{deleted} of the journal deleted")
+    waiting = f"{report.waiting:,} not read for events yet, and kept"
+    return "; ".join([*facts, waiting] if report.waiting else facts)
 
 
 def _fixes(count: int) -> str:

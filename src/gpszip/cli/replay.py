@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import SplitResult, urlsplit
 
 import click
+from click.core import ParameterSource
 
 from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import (
@@ -117,6 +118,9 @@ def command(
     # Refuse what can be refused before the log is read.
     if math.isnan(speed):
         raise click.UsageError("--speed nan: give a number of seconds, or inf")
+    source = click.get_current_context().get_parameter_source("token")
+    if source is ParameterSource.COMMANDLINE and not target.startswith(("http://", "https://")):
+        raise click.UsageError("--token is for http:// and https:// only; leave it out")
     open_target = _target(target, kind, token)
     selection = pop_selection(reading)
     read_result = read_logs(logs, selection=selection, **reading)

@@ -966,6 +966,7 @@ _ROLLED = _object(
         "late": "integer: those in further tracks, as they came late or after a break",
         "damaged": "integer: records that can't be read",
         "segments": "integer: segments that were deleted",
+        "waiting": "integer: segments that were kept, as their events are not found yet",
         "archives": _list("string: a file", "archives that were written"),
     }
 )

@@ -17,7 +17,7 @@ from collections.abc import Coroutine, Iterable
 from pathlib import Path
 from typing import IO, Any
 
-from gpszip.errors import InputError, OutputError
+from gpszip.errors import OutputError
 from gpszip.files.os_errors import as_output_error
 from gpszip.live.events import Event
 from gpszip.live.fix import Fix
@@ -26,12 +26,9 @@ from gpszip.live.monitor.monitor import Monitor
 from gpszip.live.monitor.sources import MAX_AHEAD
 from gpszip.live.notices import Notices
 from gpszip.live.outbox import Outbox
+from gpszip.live.place_read import PlaceRead, read_place, state_error, state_path
 
 __all__ = ["Follower"]
-
-#: Name of the file with the state, and its version.
-_STATE = "monitor"
-_VERSION = 1
 
 #: First line of a segment.
 _HEADER = b"gpszip journal 1\n"
@@ -213,16 +210,12 @@ class Follower:
             self._counted[what] = number
 
     def _write_state(self) -> None:
-        head = {
-            "version": _VERSION,
-            "segment": self._reader.segment,
-            "offset": self._reader.offset,
-        }
-        path = self._folder / _STATE
+        path = state_path(self._folder)
         beside = path.with_suffix(".new")
         with as_output_error(path):
             with beside.open("w", encoding="ascii") as file:
-                for row in (head, *self._monitor.states()):
+                file.write(PlaceRead(self._reader.segment, self._reader.offset).to_json() + "\n")
+                for row in self._monitor.states():
                     file.write(json.dumps(row, separators=(",", ":")) + "\n")
                 file.flush()
                 os.fsync(file.fileno())
@@ -230,25 +223,18 @@ class Follower:
 
     def _restore(self) -> None:
         """Take over the state that was saved; without one, the journal is read from its start."""
-        try:
-            with (self._folder / _STATE).open(encoding="ascii") as file:
-                head: dict[str, Any] = json.loads(next(file))
-                _check_version(head["version"])
-                self._monitor.restore(json.loads(line) for line in file)
-        except FileNotFoundError:
+        # From now on, no segment is archived before it is read.
+        place = read_place(self._folder)
+        if place is None:
+            self._write_state()
             return
+        try:
+            with state_path(self._folder).open(encoding="ascii") as file:
+                next(file)
+                self._monitor.restore(json.loads(line) for line in file)
         except (OSError, ValueError, KeyError, TypeError, StopIteration, RuntimeError) as error:
-            raise InputError(
-                "the state of the monitor can't be read",
-                path=self._folder / _STATE,
-                remedy="remove the file; the journal is then read from its start",
-            ) from error
-        self._reader.segment, self._reader.offset = head["segment"], head["offset"]
-
-
-def _check_version(version: object) -> None:
-    if version != _VERSION:
-        raise ValueError(f"version {version}")
+            raise state_error(self._folder) from error
+        self._reader.segment, self._reader.offset = place
 
 
 class _JournalReader:
@@ -267,6 +253,8 @@ class _JournalReader:
         while len(found) < count:
             if not self._open():
                 break
+
+            # A whole line.
             assert self._file is not None
             line = self._file.readline(_MAX_LINE_BYTES)
             if line.endswith(b"\n"):
@@ -275,6 +263,8 @@ class _JournalReader:
                 if fix is not None:
                     found.append(fix)
                 continue
+
+            # The end of what is written, or of the segment.
             self._file.seek(self.offset)
             if not self._next():
                 break

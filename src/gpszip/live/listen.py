@@ -64,7 +64,7 @@ class Rolling:
 
     async def _roll(self) -> str | None:
         """Archive the journal; return the error of the process, None if it had none."""
-        # In a session of its own, Ctrl-C does not reach it.
+        # Start the process; in a session of its own, Ctrl-C does not reach it.
         process = await asyncio.create_subprocess_exec(
             sys.executable,
             *self._command,
@@ -73,6 +73,8 @@ class Rolling:
             stderr=asyncio.subprocess.PIPE,
             start_new_session=True,
         )
+
+        # Wait for it; it ends with the listener.
         try:
             _, told = await process.communicate()
         except asyncio.CancelledError:
@@ -80,6 +82,8 @@ class Rolling:
                 process.terminate()
             await process.wait()
             raise
+
+        # The last line that it wrote says what is wrong.
         if process.returncode == 0:
             return None
         lines = told.decode("utf-8", "replace").strip().splitlines()
@@ -175,12 +179,15 @@ def _has_failed(task: asyncio.Future[Any]) -> bool:
 @contextlib.contextmanager
 def _stop_at_signals(stop: asyncio.Event) -> Iterator[None]:
     """Set an event at SIGINT, SIGTERM and SIGHUP: the normal end of a listener."""
+    # Signals that are not ignored, as by nohup.
     loop = asyncio.get_running_loop()
     numbers = [
         getattr(signal, name)
         for name in ("SIGINT", "SIGTERM", "SIGHUP")
         if hasattr(signal, name) and signal.getsignal(getattr(signal, name)) != signal.SIG_IGN
     ]
+
+    # Handle them during the block.
     added = []
     for number in numbers:
         # Windows, and threads other than the main one, have no such handlers.

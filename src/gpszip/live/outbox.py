@@ -269,6 +269,7 @@ class _Delivery:
         """Send a batch until the sink takes or refuses it."""
         pause = _RETRY_SECONDS[0]
         while True:
+            # An OSError may pass; another error is a refusal for good.
             try:
                 await self._sink.send(self._sending)
             except OSError as error:

@@ -173,11 +173,14 @@ class Recorder:
 
     def _conclude(self, fixes: Sequence[Fix], error: OutputError | None) -> None:
         """Keep in mind what was stored, or tell that nothing was."""
+        # Nothing.
         if error is not None:
             # Monitors need no token, so that they see no paths.
             self.last_error = f"not stored: {error.reason}"
             self._notices.note(f"not stored: {error.detail}")
             return
+
+        # What was stored is known, and others hear of it.
         self.last_error = None
         for fix in fixes:
             self._seen.add(fix)

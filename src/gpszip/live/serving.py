@@ -8,22 +8,25 @@ import contextlib
 import hmac
 import socket
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gpszip.errors import MissingExtraError, OptionError
 
+if TYPE_CHECKING:
+    from starlette.responses import Response
+
 __all__ = [
-    "PAUSE_SECONDS",
     "address_text",
     "bind",
     "credentials_of",
     "is_token",
+    "refuse_token",
     "require_server",
     "serve",
 ]
 
 #: Seconds that the answer to a wrong token takes, so that few can be tried.
-PAUSE_SECONDS = 0.5
+_PAUSE_SECONDS = 0.5
 
 #: Seconds until the head of a request is there; connections that send none are closed.
 _HEAD_SECONDS = 30.0
@@ -33,6 +36,9 @@ _BACKLOG = 1_024
 
 #: Seconds in which requests are finished when a server ends.
 _END_SECONDS = 5
+
+#: Peers whose X-Forwarded-For is believed: proxies on this machine. Others could write any address.
+_PROXIES = ("127.0.0.1", "::1", "::ffff:127.0.0.1")
 
 
 def require_server(option: str) -> None:
@@ -115,6 +121,15 @@ def is_token(given: str, token: str) -> bool:
     return hmac.compare_digest(given.encode("utf-8", "replace"), token.encode())
 
 
+async def refuse_token() -> Response:
+    """Return the answer to a wrong token, after a while: few can be tried."""
+    from starlette.responses import PlainTextResponse
+
+    await asyncio.sleep(_PAUSE_SECONDS)
+    challenge = {"WWW-Authenticate": 'Basic realm="gpszip"'}
+    return PlainTextResponse("wrong token\n", 401, headers=challenge)
+
+
 async def serve(app: Any, bound: socket.socket, max_connections: int, head_bytes: int) -> None:
     """Serve until the task is cancelled; then finish the requests that were taken.
 
@@ -140,6 +155,8 @@ async def serve(app: Any, bound: socket.socket, max_connections: int, head_bytes
         access_log=False,
         lifespan="off",
         server_header=False,
+        # By default, a variable of the environment may name others.
+        forwarded_allow_ips=list(_PROXIES),
         limit_concurrency=max_connections,
         h11_max_incomplete_event_size=head_bytes,
         timeout_graceful_shutdown=_END_SECONDS,

@@ -108,6 +108,7 @@ def test_nmea_goes_to_standard_output(tmp_path, capfd):
         (["--as", "osmand", "--to", "http://a..b"], "give http://HOST:PORT"),
         (["--as", "osmand", "--to", "http://a", "--speed", "nan"], "--speed nan"),
         (["--as", "osmand", "--to", "http://a", "--token", "a\nb"], "a token has letters"),
+        (["--as", "nmea", "--to", "-", "--token", "a"], "--token is for http:// and https://"),
         (["--as", "morse", "--to", "-"], "morse"),
     ],
 )

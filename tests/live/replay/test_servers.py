@@ -120,6 +120,29 @@ def test_vehicles(log):
     check(fixes)
 
 
+@needs_pymavlink
+def test_times_of_mavlink(tmp_path, capfd):
+    from gpszip.live.sources.mavlink import Packets
+
+    # Longer than a system can tell how long it has been on.
+    log = tmp_path / "log.csv"
+    times = [bodies.TIME + 86_400 * day for day in (0, 49, 50, 51)]
+    log.write_text("\n".join(["id,time,lat,lon", *(f"a,{time},48,11" for time in times)]))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        target = f"udp://127.0.0.1:{receiver.getsockname()[1]}"
+        thread, codes = replay(log, "mavlink", target)
+        thread.join(30)
+        packets = Packets(MavlinkParser("van", Notices(str), local=False))
+        found = [fix for _ in times for fix in packets.push(receiver.recv(1000), 0.0)]
+    assert (codes, [fix.time for fix in found]) == ([0], times)
+
+    # Earlier than its clock can tell.
+    log.write_text("id,time,lat,lon\na,-50,48,11\na,-40,48,11\n")
+    assert main(["replay", str(log), "--as", "mavlink", "--to", target]) == 2
+    assert "MAVLink has no times before 1973" in capfd.readouterr().err
+
+
 @needs_kafka
 def test_a_topic_of_kafka(log):
     from confluent_kafka import Consumer, Producer

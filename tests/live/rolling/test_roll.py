@@ -8,13 +8,16 @@ from pyproj import Geod
 
 import gpszip
 from gpszip.errors import BoundError, GPSZipError, OptionError, OutputError
-from gpszip.live import Fix, Journal
+from gpszip.live import Fix, Journal, Notices
+from gpszip.live.follow import Follower
 from gpszip.live.journal import Tail, segments
+from gpszip.live.outbox import Outbox
 from gpszip.live.rolling import roll as module
 from gpszip.live.rolling.archives import open_archives
 from gpszip.live.rolling.fixes import read_fixes
 from gpszip.live.rolling.roll import roll
 from gpszip.model import Options
+from live.receiving import run
 from random_tests import examples
 
 #: 1 m of noise, so that walks are far shorter than their tracks.
@@ -368,3 +371,29 @@ def test_too_many_breaks_begin_no_tracks(tmp_path, monkeypatch):
     for number in range(4):
         roll_in(tmp_path, list(robot(10 * number, 10, 10.0 * number, "break")), options)
     assert gpszip.open(tmp_path / "a.gpsz").ids == ("r", "r (2)")
+
+
+def test_segments_stay_until_their_events_are_found(rolled, copy):
+    _, fixes, _ = rolled
+    journal = Journal(copy / "journal")
+    notices = Notices(lambda _line: None)
+    outbox = Outbox(journal.folder, {}, notices)
+
+    # A listener that is killed before it has read anything.
+    Follower(journal, gpszip.Monitor(), outbox, notices)
+    journal.append(fixes)
+    journal.advance()
+    report = roll(journal.folder, copy / "a.gpsz", OPTIONS)
+    assert (report.segments, report.waiting) == (0, 1)
+    journal.close()
+    with pytest.raises(OptionError, match="ended before it found the events") as error:
+        roll(journal.folder, copy / "a.gpsz", OPTIONS)
+    assert str(journal.folder / "monitor") in error.value.remedy
+    assert len(segments(journal.folder)) == 2
+
+    # The next one reads them.
+    run(Follower(journal, gpszip.Monitor(), outbox, notices).finish(is_over=False))
+    run(outbox.close())
+    report = roll(journal.folder, copy / "a.gpsz", OPTIONS)
+    assert (report.segments, report.waiting, report.known) == (2, 0, len(fixes))
+    assert segments(journal.folder) == []

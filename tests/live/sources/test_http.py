@@ -330,6 +330,21 @@ def test_who_comes_too_fast_is_told_when_to_come_again():
         connection.close()
 
 
+def test_other_machines_cannot_write_their_address(monkeypatch):
+    # 127.0.0.2 stands for another machine, whatever the environment says of proxies.
+    monkeypatch.setenv("FORWARDED_ALLOW_IPS", "*")
+    with serving(max_rate=0.1) as (port, taken):
+        statuses = []
+        for number in range(3):
+            other = HTTPConnection("127.0.0.1", port, 30, source_address=("127.0.0.2", 0))
+            path = f"/osmand?id=ann&lat=1&lon=1&timestamp={bodies.TIME + number}"
+            other.request("GET", path, headers={"X-Forwarded-For": f"192.0.2.{number}"})
+            statuses.append(other.getresponse().status)
+            other.close()
+        assert statuses == [200, 429, 429]
+        assert "127.0.0.2: requests that came too fast refused for a while" in taken.lines
+
+
 def day(rows):
     """A table of a day as curl sends it, of 100 bytes a row."""
     lines = [

@@ -136,12 +136,15 @@ class MavlinkParser:
         )
 
     def _odometry(self, message: Any, key: tuple[int, int], context: Context) -> Any:
+        # Odometry that can be used.
         frame = message.frame_id
         if frame not in _NED_FRAMES | _ENU_FRAMES:
             reason = "odometry in frames that have no map left out"
             return Unusable(context.agent, reason, str(frame))
         if message.quality == _FAILED:
             return Unusable(context.agent, "odometry that has failed left out")
+
+        # East or ahead first, then north or left.
         x, y = (message.x, message.y) if frame in _ENU_FRAMES else (message.y, message.x)
         return make_fix(
             context,

@@ -122,6 +122,7 @@ class NmeaParser:
 
     def finish(self, context: Context) -> list[Fix | Unusable]:
         """End the epoch, and return its fix."""
+        # An epoch that holds a position.
         epoch, self._epoch = self._epoch, None
         if epoch is None:
             return []
@@ -129,6 +130,8 @@ class NmeaParser:
             # A receiver whose clock is not set may show any date.
             reason = "positions that the receiver marks as not valid left out"
             return [Unusable(self._agent, reason)]
+
+        # Its date may have come before it.
         return [
             make_fix(
                 context,

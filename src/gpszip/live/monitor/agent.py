@@ -29,6 +29,9 @@ _BETTER = 0.5
 #: Seconds between two fixes of a receiver that reports each twice.
 _SAME_EPOCH = 0.05
 
+#: Seconds by which a late fix may be before all others, 32 years; earlier times have another zero.
+_MAX_BEFORE = 1e9
+
 
 class AgentMonitor:
     """Finds the events of one agent.
@@ -97,8 +100,9 @@ class AgentMonitor:
             if fix.time - used.time < _SAME_EPOCH and fix.position != used.position:
                 return not self.geographic
             if fix.source != used.source and fix.time - used.time <= _HOLD:
-                known = fix.accuracy is not None and used.accuracy is not None
-                if not known or fix.accuracy > _BETTER * used.accuracy:  # type: ignore[operator]
+                if fix.accuracy is None or used.accuracy is None:
+                    return False
+                if fix.accuracy > _BETTER * used.accuracy:
                     return False
         self._used = fix
         return True
@@ -135,7 +139,7 @@ class AgentMonitor:
     def take_late(self, fix: Fix) -> bool:
         """Take a fix before others that were used; return whether it is not too late for that."""
         window = self._window
-        if not len(window) or fix.time <= max(self._stays.settled, window.first - 1e9):
+        if not len(window) or fix.time <= max(self._stays.settled, window.first - _MAX_BEFORE):
             return False
         if self._stays.is_far(fix):
             return False

@@ -215,9 +215,12 @@ class KnownEvents:
         )
 
     def _withdrawal(self, told: _Told, received: float) -> Event:
+        # What comes back revises it.
         id = event_id("withdrawn", told.id)
         self._withdrawn.append(replace(told, id=id))
         del self._withdrawn[:-_MAX_WITHDRAWN]
+
+        # The event says where and when it did not happen.
         return Event(
             told.kind,
             id,

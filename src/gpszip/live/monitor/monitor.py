@@ -216,6 +216,7 @@ class Monitor:
 
     def restore(self, states: Iterable[dict[str, Any]]) -> None:
         """Take over what :meth:`states` yielded; on another map, agents begin anew there."""
+        # The monitor.
         rows = iter(states)
         head = next(rows)
         is_same_map = self._map is not None and head["map"] == self._map.fingerprint
@@ -223,6 +224,8 @@ class Monitor:
         self.seq = head["seq"]
         if self._watch is not None and is_same_map:
             self._watch.restore(head["watch"])
+
+        # Each agent, and what is to be done for it.
         for row in rows:
             agent = self._new_agent(row["agent"], geographic=row["geographic"])
             agent.restore(row if is_same_map else row | {"on_map": None})

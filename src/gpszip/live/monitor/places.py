@@ -46,6 +46,7 @@ class VisitedPlaces:
 
     def add(self, position: tuple[float, ...], time: float) -> bool:
         """Add a stay that was seen; return whether its place is new."""
+        # A visit of a known place moves its centre.
         self.until = time
         centre, count = position, 1
         for number, (other, visits) in enumerate(self._centres):
@@ -58,6 +59,8 @@ class VisitedPlaces:
                 count = visits + 1
                 del self._centres[number]
                 break
+
+        # Places that were visited last are kept.
         self._centres.append((centre, count))
         del self._centres[:-_MAX_PLACES]
         return count == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -82,6 +83,5 @@ def _coordinates(fix: Fix, first: float, second: float) -> tuple[float, float]:
 
 
 def _rounded(number: float | None) -> float | None:
-    # What a source states may be no number.
-    is_number = number is not None and abs(number) < float("inf")
-    return round(number, 1) if is_number and number is not None else None
+    # What a source states may be NaN or infinite.
+    return round(number, 1) if number is not None and math.isfinite(number) else None

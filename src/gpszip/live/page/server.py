@@ -23,11 +23,11 @@ from gpszip.live.page.messages import (
     tails_message,
 )
 from gpszip.live.serving import (
-    PAUSE_SECONDS,
     address_text,
     bind,
     credentials_of,
     is_token,
+    refuse_token,
     require_server,
     serve,
 )
@@ -173,9 +173,7 @@ class PageServer:
             return PlainTextResponse("only GET\n", 405, headers={"Allow": "GET"})
         if not self._is_known(request):
             self._notices.note("requests to the page with a wrong token refused")
-            await asyncio.sleep(PAUSE_SECONDS)
-            challenge = {"WWW-Authenticate": 'Basic realm="gpszip"'}
-            return PlainTextResponse("wrong token\n", 401, headers=challenge)
+            return await refuse_token()
         if self._token is None and not _is_own(request.headers.get("host", "")):
             # A name of another site that leads here would let that site read the page.
             return PlainTextResponse("ask for it by its address\n", 421)

@@ -23,6 +23,12 @@ _UNITS_PER_DEGREE = 1e7
 #: Seconds for which a system has been on at its first sample.
 _BEGAN = 1.0
 
+#: Milliseconds since it began that a system can tell: 49.7 days.
+_MAX_SINCE = 2**32 - 1
+
+#: Seconds since 1970 from which times are told as such; earlier ones count from some other zero.
+_FIRST_DATE = 1e8
+
 #: Heading that is unknown.
 _UNKNOWN = 65_535
 
@@ -33,7 +39,8 @@ _BATCH = 500
 class MavlinkTarget:
     """Sends packets of MAVLink as datagrams; each track is a system.
 
-    Times have milliseconds, positions 1 cm, as MAVLink has them.
+    Times have milliseconds, positions 1 cm, as MAVLink has them. After 49.7 days, a system begins
+    anew.
 
     Parameters
     ----------
@@ -63,11 +70,15 @@ class MavlinkTarget:
         self._socket = socket.socket(found[0], found[1])
 
     def send(self, samples: Sequence[Sample]) -> None:
-        """Send a datagram for each sample, with the clock of the system and its position."""
+        """Send a datagram for each sample, with the clock of the system and its position.
+
+        Raises
+        ------
+        OptionError
+            If a time is one that MAVLink can't tell.
+        """
         for sample in samples:
-            link = self._links[sample.track]
-            zero = self._zeros.setdefault(sample.track, sample.time - _BEGAN)
-            since = round((sample.time - zero) * 1e3)
+            link, since = self._links[sample.track], self._since(sample)
             clock = link.system_time_encode(round(sample.time * 1e6), since)
             position = link.global_position_int_encode(
                 since,
@@ -76,6 +87,20 @@ class MavlinkTarget:
                 *(0, 0, 0, 0, 0, _UNKNOWN),
             )
             self._socket.sendto(clock.pack(link) + position.pack(link), self._address)
+
+    def _since(self, sample: Sample) -> int:
+        """Milliseconds since the system of a sample began."""
+        if sample.time < _FIRST_DATE:
+            raise OptionError(
+                f"track {sample.track!r}: MAVLink has no times before 1973",
+                remedy="choose another kind with --as",
+            )
+        zero = self._zeros.setdefault(sample.track, sample.time - _BEGAN)
+        since = round((sample.time - zero) * 1e3)
+        if since <= _MAX_SINCE:
+            return since
+        self._zeros[sample.track] = sample.time - _BEGAN
+        return round(_BEGAN * 1e3)
 
     def close(self) -> None:
         """Close the socket."""

@@ -19,6 +19,7 @@ from gpszip.archive import Archive
 from gpszip.errors import BoundError, OptionError, OutputError
 from gpszip.files.os_errors import as_output_error
 from gpszip.live.journal import Lock, Tail, mark_archived, segments
+from gpszip.live.place_read import read_place, state_path
 from gpszip.live.rolling.archives import (
     archive_names,
     assign_parts,
@@ -72,6 +73,8 @@ class RollReport:
         Records that could not be read.
     segments : int
         Segments that were deleted.
+    waiting : int
+        Complete segments that were kept, as the listener has not read them for events yet.
     archives : list of str
         Archives that were written.
     """
@@ -81,6 +84,7 @@ class RollReport:
     late: int = 0
     damaged: int = 0
     segments: int = 0
+    waiting: int = 0
     archives: list[str] = field(default_factory=list)
 
 
@@ -108,15 +112,19 @@ def roll(
     OutputError
         If the archive can't be written, or another process archives the journal.
     OptionError
-        If nothing can be appended to the archive.
+        If nothing can be appended to the archive, or events of the journal were asked for and not
+        found yet, and no listener runs.
     """
+    # One process at a time.
     journal = Path(folder)
     lock = Lock(journal, _LOCK)
     if not lock.acquire():
         raise OutputError("another process archives this journal", path=journal)
+
+    # Each batch is deleted once it is archived.
     report = RollReport()
     try:
-        for batch in _batches(_complete_segments(journal)):
+        for batch in _batches(_complete_segments(journal, report)):
             with as_output_error(path):
                 _roll_batch(batch, Path(path), options, progress, report)
             with as_output_error(journal):
@@ -127,14 +135,34 @@ def roll(
     return report
 
 
-def _complete_segments(journal: Path) -> list[Path]:
-    """Segments that nobody writes to."""
+def _complete_segments(journal: Path, report: RollReport) -> list[Path]:
+    """Segments that nobody writes to, and that nobody has to read for events.
+
+    Raises
+    ------
+    OptionError
+        If events were asked for, and no listener runs that would find the missing ones.
+    """
+    # Segments that were read for events, if anybody asked for events.
     found = segments(journal)
+    place = read_place(journal)
+    read = [path for path in found if place is None or place.is_past(path)]
+
+    # A listener goes on reading, and writes to the last one.
     writer = Lock(journal)
-    if writer.acquire():
-        writer.release()
-        return found
-    return found[:-1]
+    if not writer.acquire():
+        complete = [path for path in read if path != found[-1]]
+        report.waiting = len(found[:-1]) - len(complete)
+        return complete
+    writer.release()
+    if len(read) < len(found):
+        raise OptionError(
+            "the listener ended before it found the events of all positions",
+            path=str(journal),
+            remedy="run gpszip listen with -o or --page again, which finds them; or remove "
+            f"{state_path(journal)}, to archive without these events",
+        )
+    return found
 
 
 def _batches(paths: Sequence[Path]) -> list[list[Path]]:

@@ -26,11 +26,11 @@ from gpszip.live.formats.text import TextParser
 from gpszip.live.formats.values import Context, MessageError, clean_name, parse_json
 from gpszip.live.notices import Notices
 from gpszip.live.serving import (
-    PAUSE_SECONDS,
     address_text,
     bind,
     credentials_of,
     is_token,
+    refuse_token,
     require_server,
     serve,
 )
@@ -175,9 +175,7 @@ class HttpSource:
         user = self._user(headers, query)
         if user is None:
             self._notices.note("requests with a wrong token refused")
-            await asyncio.sleep(PAUSE_SECONDS)
-            challenge = {"WWW-Authenticate": 'Basic realm="gpszip"'}
-            return PlainTextResponse("wrong token\n", 401, headers=challenge)
+            return await refuse_token()
         pause = self._rates.wait(_sender(request, query, headers, user), time.monotonic())
         if pause:
             self._notices.note("requests that came too fast refused for a while", _host(request))

@@ -91,12 +91,16 @@ class ClosureWatch:
         if not self._count or math.isinf(self._threshold):
             return []
         after = self._forget() if self._count > _MAX_PASSES else -math.inf
+
+        # Suspected edges first: without evidence for one of them, none is closed.
         rows, is_live = self._rows()
         network = self._map.network
         suspected = find_closures(network, rows, is_live, _SUSPECTED * self._threshold)
         closed: Closures | None = None
         if (suspected.evidence >= self._threshold).any():
             closed = find_closures(network, rows, is_live, self._threshold)
+
+        # What differs from what was told.
         events = self._known.update(self._findings(suspected, closed), received, after=after)
         if math.isfinite(after):
             self._known.forget(after)
@@ -111,6 +115,8 @@ class ClosureWatch:
             for row in _alarms(suspected)
             if math.isnan(row["reopened"]) or (row["directed"], row["since"]) in sure
         ]
+
+        # Those that are sure, and which of them are open again.
         for row in alarms:
             findings.append(self._finding("closed", row["detected"], row))
             if not math.isnan(row["reopened"]):
@@ -118,12 +124,15 @@ class ClosureWatch:
         return findings
 
     def _finding(self, kind: str, time: float, row: dict[str, Any]) -> Finding:
+        # An edge that was passed again is open, without a doubt.
         directed = row["directed"]
         place = self._map.place_on(directed, 0.5 * float(self._map.lengths[directed >> 1]))
         if kind == "reopened":
             details = {"since": round(row["since"], 3)}
             why = "an agent travelled it again"
             return Finding(kind, time, place, str(directed), why, details, directed)
+
+        # Evidence of e nats is chance with a probability of exp(-e).
         why = f"{row['missed']:,} times in a row, agents went another way"
         details = {"since": round(row["since"], 3), "missed": row["missed"]}
         nats = self._threshold * (_SUSPECTED if kind == "closed.suspected" else 1.0)
@@ -132,13 +141,16 @@ class ClosureWatch:
         )
 
     def _rows(self) -> tuple[Traversals, np.ndarray[Any, np.dtype[np.bool_]]]:
-        """The history, and after it the passes of each agent."""
+        """The history, and after it the passes of each agent; and which rows are passes."""
+        # Each agent is a track after those of the history.
         history, first = self._history, len(self._history.ids)
         table = [row for passes in self._passes.values() for row in passes]
         track = np.repeat(
             np.arange(first, first + len(self._passes)),
             [len(passes) for passes in self._passes.values()],
         )
+
+        # Columns of the passes, behind those of the history.
         directed, enter, leave, begin, end, standing, starts = (
             np.array(column) for column in zip(*table, strict=True)
         )

@@ -172,11 +172,14 @@ class Outlook:
         return arrival
 
     def _finding(self, time: float, node: int, probability: float, arrival: TripArrival) -> Finding:
+        # Edges that may follow.
         following = self._map.predictor.next(list(tell_route(self.route)), time, self._agent)
         options = [
             {"edge": each.edge, "forward": each.forward, "probability": round(each.probability, 3)}
             for each in following[:3]
         ]
+
+        # Where it goes, and when it arrives.
         details = {
             "node": node,
             "arrival": round(time + arrival.seconds, 3),

@@ -75,6 +75,8 @@ class Surprises:
         options = self._usual.model.options[route[-2]]
         if route[-1] not in options:
             return []
+
+        # How likely the turn was after the edges before it.
         before = route[-_LOOK_BACK - 1 : -1]
         probabilities = self._usual.model.predict(
             before, self._usual.predictor.hour_of(time), self._number
@@ -90,6 +92,7 @@ class Surprises:
 
     def travel(self, current: Pass) -> list[Finding]:
         """Return that an edge is travelled in the wrong direction, once for each edge."""
+        # Travelled far enough, and not told yet?
         length = float(self._map.lengths[current.directed >> 1])
         if self._wrong == current.directed:
             return []
@@ -98,6 +101,8 @@ class Surprises:
         if not direction_bits(self._usual.index, current.directed):
             self._wrong = None
             return []
+
+        # Nobody travelled it this way; confidence is that of the rule of succession.
         self._wrong = current.directed
         others = self._usual.index.passes(current.directed ^ 1)
         why = f"{others:,} passed edge {current.directed >> 1} the other way, and none this way"
@@ -119,12 +124,15 @@ class Surprises:
 
     def leave(self, passed: Pass) -> list[Finding]:
         """Return that the pace of the last minute or more is unusual, once while it is."""
+        # Passes of whole edges tell a pace.
         paces = self._usual.paces
         length = float(self._map.lengths[passed.directed >> 1])
         seconds = passed.leave - passed.enter - passed.standing
         is_told = passed.metres >= max(_MIN_METRES, _MIN_SHARE * length) and seconds > 0
         if passed.starts or paces is None or not is_told:
             return []
+
+        # Add them up to a part of the drive.
         hour = self._usual.predictor.hour_of(passed.enter)
         expected = paces.expected(
             np.array([passed.directed]), np.array([-1 if hour is None else hour])
@@ -172,12 +180,16 @@ class Surprises:
         if self._is_stop_told or not self._next_look <= seconds < MIN_STOP:
             # A longer one ends the trip, as in archives.
             return []
+
+        # Is it unusual to stop so long there?
         self._next_look = 2 * seconds
         if self._is_end(fix, directed):
             return []
         bits = self._usual.stops.bits(directed, seconds)
         if bits <= _STOP_BITS:
             return []
+
+        # Tell it once.
         self._is_stop_told = True
         why = f"stands for {duration_text(seconds)} on edge {directed >> 1}"
         details = {"since": round(self._still.time, 3), "bits": round(bits, 1)}

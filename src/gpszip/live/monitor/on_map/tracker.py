@@ -146,11 +146,13 @@ class MapTracker:
 
     def _findings(self, step: Step) -> list[Finding]:
         """What a step on the map tells."""
-        # Edges that are left; those that were passed as a whole were entered, too.
+        # Back on the map.
         findings: list[Finding] = []
         if step.on is not None:
             findings.append(self._at("off_map.end", step.on))
             self._note_path(step.on)
+
+        # Edges that are left; those that were passed as a whole were entered, too.
         for number, passed in enumerate(step.left):
             if number:
                 findings += self._enter(passed)
@@ -159,6 +161,8 @@ class MapTracker:
             if self._patrol is not None:
                 findings += self._patrol.add(passed)
             self.passed.append(passed)
+
+        # The edge that is entered, or the end of the map.
         if step.entered is not None:
             findings += self._enter(step.entered)
         if step.off is not None:
