@@ -20,7 +20,6 @@ from gpszip.cli.lossless import (
     log_keeper,
     lossless_options,
     open_sources,
-    prove_logs,
     remove_logs,
 )
 from gpszip.cli.options import (
@@ -231,6 +230,7 @@ def command(
     from gpszip.cli.output import check_output, print_status
     from gpszip.cli.progress import progress_bar
     from gpszip.cli.summary import print_summary
+    from gpszip.pipeline.exact_logs import prove_exact
 
     # Refuse what can be refused before the logs are read.
     settings: Settings = context.obj
@@ -282,7 +282,7 @@ def command(
 
         # What can't be read back is not written.
         if lossless:
-            prove_logs(archive, sources)
+            prove_exact(archive, sources)
 
         # Write the files; delete the logs once what was written is proved to hold them.
         _write(target, archive, choices["update_map"], updated_map, force=overwrite)
