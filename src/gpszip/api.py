@@ -379,8 +379,10 @@ def compress(
     if isinstance(tracks, Coreset | CoresetStream):
         from gpszip.pipeline.compress_coreset import compress_coreset
 
-        if map is not None or lossless:
-            raise OptionError("map and lossless don't go with a coreset", remedy="give the log")
+        if map is not None or lossless or memory is not None:
+            raise OptionError(
+                "map, lossless and memory don't go with a coreset", remedy="give the log"
+            )
         archive, report = compress_coreset(tracks, options, executor=executor, progress=progress)
         return replace(archive, report=report)
 

@@ -151,6 +151,22 @@ def test_what_a_stream_cannot_have_is_refused(gpszip, tmp_path, arguments, messa
     assert not list(tmp_path.glob("*.gpsz"))
 
 
+def test_a_stream_without_times_is_an_error(gpszip, tmp_path):
+    (tmp_path / "shape.csv").write_text("x,y\n0,0\n1,1\n")
+    run = gpszip(f"{OPTIONS} shape.csv -o a.gpsz")
+    assert run.code == 1
+    assert "shape.csv: no column of times; say which it is: --columns t=COLUMN" in run.err
+    assert "--no-times" not in run.err
+
+
+def test_memory_is_refused_only_where_it_is_asked_for(gpszip, tmp_path, monkeypatch):
+    (tmp_path / "robot.csv").write_text(log(0, 40))
+    run = gpszip(f"{OPTIONS} robot.csv -o a.gpsz --memory 1GiB")
+    assert (run.code, "--memory does not go with --stream" in run.err) == (2, True)
+    monkeypatch.setenv("GPSZIP_MEMORY", "1GiB")
+    assert gpszip(f"{OPTIONS} robot.csv -o a.gpsz").code == 0
+
+
 def test_a_stream_without_a_position_is_an_error(gpszip, tmp_path):
     (tmp_path / "robot.csv").write_text("t,x,y\n")
     run = gpszip(OPTIONS, "robot.csv")

@@ -31,7 +31,7 @@ _REFUSED = {
     "map_name": "--map",
     "update_map": "--update-map",
     "coreset": "--coreset",
-    "memory": "--memory",
+    "stated_memory": "--memory",
     "k": "--k",
     "m": "--m",
     "layer": "--layer",
@@ -53,6 +53,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def stream_options(command: F) -> F:
     """Add the options --stream, --batch and --every."""
+    # When the archive is written.
     command = click.option(
         "--every",
         "batch_seconds",
@@ -67,6 +68,8 @@ def stream_options(command: F) -> F:
         metavar="LINES",
         help=f"With --stream: write it after so many lines at least; by default {_BATCH_LINES}.",
     )(command)
+
+    # Decorators apply from the last to the first: help lists this one first.
     return click.option(
         "--stream",
         is_flag=True,

@@ -147,6 +147,7 @@ def _check_options(options: Options) -> None:
     needs = {
         "a maximum error": options.max_error is not None,
         "a size": options.sized,
+        "gaps": options.gap is not None,
         "a coreset of another size": options.coreset is not None,
         "columns": bool(options.keep or options.keep_times or options.curves),
         "an archive without times": not options.times,
@@ -155,7 +156,7 @@ def _check_options(options: Options) -> None:
         if is_asked:
             raise OptionError(
                 f"{what} can't be had from a coreset, which has no samples",
-                remedy="give an RMSE, or the log itself",
+                remedy="ask for an RMSE alone, or give the log itself",
             )
     if options.rmse is None and not (options.k is not None and options.m is not None):
         raise OptionError("an archive of a coreset needs an RMSE, or k and m", remedy="give rmse")

@@ -43,7 +43,7 @@ _CHUNK_BYTES = 1 << 20
 _MAX_SHOWN = 60
 
 #: What to do where a new archive would not return a log.
-_MEND = (
+_REMEDY = (
     "the log is untouched, and nothing was written; if another program writes to the log, compress "
     "it afterwards, else please report this"
 )
@@ -203,12 +203,12 @@ def prove_exact(archive: Archive, sources: Sequence[Source | InputError]) -> Non
         check_exact(archive, sources)
     except InputError as error:
         raise InputError(
-            error.reason, path=error.path, location=error.location, remedy=error.remedy or _MEND
+            error.reason, path=error.path, location=error.location, remedy=error.remedy or _REMEDY
         ) from None
     except CorruptArchiveError as error:
         names = ", ".join(log.name for log in exact_logs(archive).logs)
         raise InputError(
-            f"the archive can't return the log ({error.detail})", path=names, remedy=_MEND
+            f"the archive can't return the log ({error.detail})", path=names, remedy=_REMEDY
         ) from error
 
 
