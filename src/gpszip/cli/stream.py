@@ -233,6 +233,7 @@ def _print_result(
     from gpszip.cli.output import print_json, print_status
     from gpszip.cli.units import format_bytes, format_count, format_length
 
+    # For a program.
     archive = compressor.archive
     assert archive is not None
     rmse, max_error = compressor.errors

@@ -144,6 +144,7 @@ def cost_of_walks(archive: Archive, coreset: Coreset) -> Cost:
 
 def _check_options(options: Options) -> None:
     """Refuse what needs the samples."""
+    # What a user may ask for that only samples tell.
     needs = {
         "a maximum error": options.max_error is not None,
         "a size": options.sized,
@@ -158,6 +159,8 @@ def _check_options(options: Options) -> None:
                 f"{what} can't be had from a coreset, which has no samples",
                 remedy="ask for an RMSE alone, or give the log itself",
             )
+
+    # What there has to be.
     if options.rmse is None and not (options.k is not None and options.m is not None):
         raise OptionError("an archive of a coreset needs an RMSE, or k and m", remedy="give rmse")
 

@@ -393,6 +393,7 @@ class StreamCompressor:
 
     def _append(self, new: dict[str, _Samples], plane: Plane | None) -> None:
         """Learn new samples with those that are kept; if that fails, by themselves."""
+        # With the samples that are kept, walks go on without a knot; else from where they end.
         assert self.archive is not None
         cuts = {name: last_fixed_knot(self.archive, name) for name in new if name in self._window}
         for knots in (cuts, {}) if cuts else ({},):
@@ -416,6 +417,7 @@ class StreamCompressor:
         self, knots: Mapping[str, int | None], new: Mapping[str, _Samples], plane: Plane | None
     ) -> None:
         """Append samples, with those of their tracks that come after some knots."""
+        # Samples up to these knots keep the errors that they have; later ones are learned again.
         archive = self.archive
         assert archive is not None
         fixed, window = self._fixed, dict(self._window)
@@ -437,6 +439,8 @@ class StreamCompressor:
             found, report = compress(tracks, options, executor=self._executor)
         else:
             found, report = append(base, tracks, options, executor=self._executor)
+
+        # Only now is anything taken: learning may have failed.
         self.archive, self._fixed, self._report = found, fixed, report
         self._window = window | {
             name: window[name].joined(samples) if name in window else samples

@@ -345,6 +345,8 @@ def _joined(pieces: Iterable[StreamRows]) -> StreamRows:
     found = list(pieces)
     if len(found) == 1:
         return found[0]
+
+    # Rows of each track, and repairs of each kind.
     tracks: dict[str, list[tuple[Floats, Floats]]] = {}
     repairs: list[Repair] = []
     for each in found:
@@ -352,6 +354,8 @@ def _joined(pieces: Iterable[StreamRows]) -> StreamRows:
             tracks.setdefault(name, []).append(rows)
         for repair in each.repairs:
             add_repair(repairs, repair)
+
+    # Pieces without a row say nothing of the coordinates.
     joined = {
         name: (np.concatenate([row[0] for row in rows]), np.concatenate([row[1] for row in rows]))
         for name, rows in tracks.items()
