@@ -113,6 +113,7 @@ def compress_stream(
     from gpszip.live.stream.lines import StreamLines
     from gpszip.live.stream.rows import StreamReader
     from gpszip.live.stream.run import BATCH_SECONDS, follow_stream, stop_at_signals
+    from gpszip.pipeline.bounds import requested_bound
 
     # Refuse what can't be had batch by batch.
     _check_stream(logs, target, choices)
@@ -131,6 +132,8 @@ def compress_stream(
     # Follow the stream.
     name = "standard input" if logs in ((), ("-",)) else logs[0]
     notices = Notices(_no_line if quiet or as_json else print_status)
+    if archive is not None and options.bounded and requested_bound(options) != archive.error_bound:
+        notices.note("the bound that the archive states holds, not the one given", target)
     executor_choices = choices["workers"], choices["engine"], choices["scheduler"]
     with open_executor(*executor_choices) as executor:
         lines = StreamLines(_open_stream(logs))

@@ -135,6 +135,11 @@ class StreamCompressor:
     executor : Executor, optional
         Where maps are learned.
 
+    Raises
+    ------
+    OptionError
+        If rows are to be sorted and tracks split.
+
     Attributes
     ----------
     archive : Archive or None
@@ -170,6 +175,8 @@ class StreamCompressor:
         window_samples: int = WINDOW_SAMPLES,
         executor: Executor | None = None,
     ) -> None:
+        if sort and split:
+            raise OptionError("--sort and --split exclude each other")
         self.archive = archive
         self.points = 0
         self.counts: dict[str, int] = {}
