@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.archive import Archive, ArchiveSource, open_archive
-from gpszip.errors import LossWarning, OptionError
+from gpszip.errors import InputError, LossWarning, OptionError
 from gpszip.io.frames.recognise import is_frame
 from gpszip.model import (
     Likelihood,
@@ -43,13 +43,13 @@ if TYPE_CHECKING:
     from gpszip.history.routes import PlannedRoute
     from gpszip.history.usage import Usage
     from gpszip.io.frames.source import FrameSource
+    from gpszip.io.storage.source import Source
     from gpszip.model.difference import Difference
     from gpszip.model.match import Matching
     from gpszip.model.patching import Patching
     from gpszip.model.rounds import Rounds
     from gpszip.model.trips import Trips
     from gpszip.model.unusual import Unusual
-    from gpszip.pipeline.compress import LogKeeper
     from gpszip.pipeline.diff import Side
     from gpszip.sketches.coreset import Coreset
     from gpszip.sketches.stream import CoresetStream
@@ -299,7 +299,8 @@ def compress(
     keep_times : bool, default False
         Keep the times of the samples exactly, also without attributes.
     lossless : bool, default False
-        Keep the files themselves, too, byte by byte: see :meth:`Archive.exact_log`.
+        Keep the files themselves, too, byte by byte: see :meth:`Archive.exact_log`. What the
+        archive returns is compared with the files before this function returns.
     layer : {None, "bz2"}
         ``"bz2"`` packs the archive once more, as the thesis did.
     effort : int, default 5
@@ -334,6 +335,8 @@ def compress(
 
     Raises
     ------
+    InputError
+        If a file can't be read, or with ``lossless`` would not come back byte by byte.
     OptionError
         If options contradict each other or the tracks.
     BoundError
@@ -376,8 +379,10 @@ def compress(
     if isinstance(tracks, Coreset | CoresetStream):
         from gpszip.pipeline.compress_coreset import compress_coreset
 
-        if map is not None or lossless:
-            raise OptionError("map and lossless don't go with a coreset", remedy="give the log")
+        if map is not None or lossless or memory is not None:
+            raise OptionError(
+                "map, lossless and memory don't go with a coreset", remedy="give the log"
+            )
         archive, report = compress_coreset(tracks, options, executor=executor, progress=progress)
         return replace(archive, report=report)
 
@@ -386,8 +391,11 @@ def compress(
     known_map = map if map is None or isinstance(map, Archive) else open_archive(map)
     plane = None if known_map is None else known_map.grid.plane
     columns = (*names, *(keep_within or {}))
+    if lossless:
+        # Tracks in memory need no readers of files.
+        from gpszip.pipeline.exact_logs import exact_section, prove_exact
     with (
-        _log_keeper(tracks) if lossless else nullcontext() as logs,
+        _open_exactly(tracks) if lossless else nullcontext(()) as sources,
         _open_log(
             tracks,
             memory,
@@ -404,10 +412,12 @@ def compress(
             options,
             memory=memory,
             map=known_map,
-            logs=logs,
+            logs=partial(exact_section, sources) if lossless else None,
             executor=executor,
             progress=progress,
         )
+        if lossless:
+            prove_exact(archive, sources)
 
     # An archive that is opened from a file has no report; this one keeps what was measured.
     return replace(archive, report=report)
@@ -1515,11 +1525,10 @@ def _open_log(
 
 
 @contextmanager
-def _log_keeper(tracks: Logs) -> Iterator[LogKeeper]:
-    """What makes the section of files that are kept byte by byte."""
+def _open_exactly(tracks: Logs) -> Iterator[Sequence[Source | InputError]]:
+    """Find the files that are kept byte by byte."""
     from gpszip.io.logs.formats import is_bundle
     from gpszip.io.storage.source import spooled
-    from gpszip.pipeline.exact_logs import exact_section
 
     # A stream could be read only once.
     files = _files_among(tracks)
@@ -1529,7 +1538,7 @@ def _log_keeper(tracks: Logs) -> Iterator[LogKeeper]:
             "lossless keeps files, and was given tracks or streams", remedy="name the files"
         )
     with spooled(names, unzip=is_bundle) as sources:
-        yield partial(exact_section, sources)
+        yield sources
 
 
 def _warn_of_losses(result: ReadResult) -> None:

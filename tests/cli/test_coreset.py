@@ -131,6 +131,10 @@ def test_compress_learns_from_a_coreset(gpszip, log):
         ("--track other", "--bbox takes a log"),
         ("--since 5", "--bbox takes a log"),
         ("--sort", "--sort takes a log"),
+        ("--memory 1GiB", "--memory takes a log"),
+        ("--skip-bad", "--skip-bad takes a log"),
+        ("--format parquet", "--format takes a log"),
+        ("--topic /odom", "--topic takes a log"),
     ],
 )
 def test_what_needs_the_samples_is_refused_for_a_coreset(gpszip, log, tmp_path, options, refused):
@@ -139,3 +143,17 @@ def test_what_needs_the_samples_is_refused_for_a_coreset(gpszip, log, tmp_path, 
     assert run.code == 2
     assert refused in run.err
     assert not (tmp_path / "walk.gpsz").exists()
+
+
+def test_a_coreset_is_told_from_a_log(gpszip, log, tmp_path, monkeypatch):
+    assert gpszip(f"coreset {log} -o blocks.parquet --size 12").code == 0
+    for arguments in (f"{log} blocks.parquet", "-"):
+        data = (tmp_path / "blocks.parquet").read_bytes()
+        run = gpszip(f"compress {arguments} -o walk.gpsz --rmse 5", data=data)
+        assert run.code == 1
+        name = "standard input" if arguments == "-" else "blocks.parquet"
+        assert f"{name}: is the coreset of a log, not a log; give the log" in run.err
+
+    # Memory for logs that the environment states is no mistake.
+    monkeypatch.setenv("GPSZIP_MEMORY", "1GiB")
+    assert gpszip("compress blocks.parquet -o walk.gpsz --rmse 5 --effort 1").code == 0

@@ -11,6 +11,7 @@ import pytest
 
 from batches import force_batches
 from gpszip.cli.main import main
+from gpszip.lossless.logs import ExactLogs
 
 #: A log with what a reader drops or repairs: repeated rows, disorder, gaps, odd notations, CRLF.
 MESSY = (
@@ -233,16 +234,21 @@ def test_logs_larger_than_memory_are_kept(gpszip, tmp_path, monkeypatch):
 
 
 def test_what_would_not_come_back_is_not_written(gpszip, log, tmp_path, monkeypatch):
-    from gpszip.lossless import logs
-
-    read = logs.ExactLogs.read
+    # An archive that returns another first row than it was given.
+    read = ExactLogs.read
 
     def read_otherwise(self, number):
         for block in read(self, number):
-            yield block.replace(b"1", b"2")
+            yield block.replace(b"\n0,", b"\n9,", 1)
 
-    monkeypatch.setattr(logs.ExactLogs, "read", read_otherwise)
-    done = gpszip("compress walk.csv --lossless --effort 1")
+    monkeypatch.setattr(ExactLogs, "read", read_otherwise)
+    before = log.read_bytes()
+    done = gpszip("compress walk.csv --lossless --effort 1 --rm")
+
+    # The line is named, the log is still there, and there is no archive.
     assert done.code == 1
-    assert "walk.csv" in done.err
+    assert "walk.csv: line 2: the log has '0," in done.err
+    assert "nothing was written" in done.err
+    assert "please report this" in done.err
     assert [path.name for path in tmp_path.iterdir()] == ["walk.csv"]
+    assert log.read_bytes() == before

@@ -139,6 +139,7 @@ def test_what_is_told_of_a_stream(gpszip, tmp_path):
         ("robot.csv --since 1", "--track, --since, --until, --bbox does not go with --stream"),
         ("robot.csv other.csv -o a.gpsz", "--stream reads one stream"),
         ("robot.csv -o -", "standard output"),
+        ("robot.csv --sort --split", "--sort and --split exclude each other"),
         ("missing.csv", "missing.csv: can't be read"),
         (". -o a.gpsz", ".: is a folder"),
     ],
@@ -149,6 +150,34 @@ def test_what_a_stream_cannot_have_is_refused(gpszip, tmp_path, arguments, messa
     assert run.code in (1, 2)
     assert message in run.err
     assert not list(tmp_path.glob("*.gpsz"))
+
+
+def test_a_stream_without_times_is_an_error(gpszip, tmp_path):
+    (tmp_path / "shape.csv").write_text("x,y\n0,0\n1,1\n")
+    run = gpszip(f"{OPTIONS} shape.csv -o a.gpsz")
+    assert run.code == 1
+    assert "shape.csv: no column of times; say which it is: --columns t=COLUMN" in run.err
+    assert "--no-times" not in run.err
+
+
+def test_memory_is_refused_only_where_it_is_asked_for(gpszip, tmp_path, monkeypatch):
+    (tmp_path / "robot.csv").write_text(log(0, 40))
+    run = gpszip(f"{OPTIONS} robot.csv -o a.gpsz --memory 1GiB")
+    assert (run.code, "--memory does not go with --stream" in run.err) == (2, True)
+    monkeypatch.setenv("GPSZIP_MEMORY", "1GiB")
+    assert gpszip(f"{OPTIONS} robot.csv -o a.gpsz").code == 0
+
+
+def test_a_stream_goes_on_within_the_bound_of_its_archive(gpszip, tmp_path):
+    (tmp_path / "robot.csv").write_text(log(0, 40))
+    assert "the one given" not in gpszip(f"{OPTIONS} robot.csv -o a.gpsz").err
+    (tmp_path / "robot.csv").write_text(log(40, 60))
+    run = gpszip(f"{OPTIONS} robot.csv -o a.gpsz --append")
+    assert (run.code, "the one given" in run.err) == (0, False)
+    run = gpszip("compress --stream robot.csv -o a.gpsz --append --rmse 5m")
+    assert run.code == 0
+    assert "a.gpsz: the bound that the archive states holds, not the one given" in run.err
+    assert rmse(tmp_path / "a.gpsz", np.arange(60)) <= 0.5
 
 
 def test_a_stream_without_a_position_is_an_error(gpszip, tmp_path):

@@ -68,6 +68,7 @@ def test_too_few_blocks_are_an_error(small):
         {"size": 100},
         {"rmse": 1.0, "keep": ("hr",)},
         {"rmse": 1.0, "times": False},
+        {"rmse": 1.0, "gap": 60.0},
         {"k": 3},
         {},
     ],

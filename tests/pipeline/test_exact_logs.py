@@ -9,6 +9,7 @@ import gpszip
 from gpszip.archive.exact import find_exact_logs
 from gpszip.errors import CorruptArchiveError, InputError, OptionError
 from gpszip.io.storage.source import Source
+from gpszip.lossless.logs import ExactLogs
 from gpszip.pipeline import exact_logs
 from gpszip.pipeline.exact_logs import check_exact
 
@@ -44,6 +45,23 @@ def test_tracks_and_streams_are_refused(tmp_path):
     for given in (track, io.BytesIO(TEXT.encode()), "-"):
         with pytest.raises(OptionError, match="lossless keeps files"):
             gpszip.compress(given, rmse=1, lossless=True)
+
+
+@pytest.mark.parametrize("fault", ["other bytes", "an error"])
+def test_no_archive_is_returned_that_would_not_return_the_log(path, monkeypatch, fault):
+    read = ExactLogs.read
+
+    def read_otherwise(self, number):
+        if fault == "an error":
+            raise CorruptArchiveError("wrong block")
+        for block in read(self, number):
+            yield block.replace(b"7,", b"8,", 1)
+
+    monkeypatch.setattr(ExactLogs, "read", read_otherwise)
+    message = r"walk\.csv: .*nothing was written.*please report"
+    with pytest.raises(InputError, match=message) as error:
+        gpszip.compress(path, rmse=2, effort=1, lossless=True)
+    assert error.value.location == ("line 9" if fault == "other bytes" else None)
 
 
 def test_damage_is_found(archive, path):

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from gpszip.cli.completing import complete_files
 from gpszip.cli.engine import engine_options, open_executor
@@ -20,7 +21,6 @@ from gpszip.cli.lossless import (
     log_keeper,
     lossless_options,
     open_sources,
-    prove_logs,
     remove_logs,
 )
 from gpszip.cli.options import (
@@ -53,9 +53,6 @@ __all__ = ["command"]
 #: Durations in seconds; infinite for "none".
 _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 
-#: First bytes of Parquet files.
-_PARQUET = b"PAR1"
-
 #: Options that need the samples of a log, which a coreset lacks.
 _OPTIONS_OF_LOGS = {
     "map_name": "--map",
@@ -67,6 +64,15 @@ _OPTIONS_OF_LOGS = {
     "columns": "--columns",
     "gap": "--gap",
     "layer": "--layer",
+    "stated_memory": "--memory",
+    "skip_bad": "--skip-bad",
+    "format": "--format",
+    "time_unit": "--time-unit",
+    "dates": "--dates",
+    "topics": "--topic",
+    "frame": "--frame",
+    "times_file": "--times",
+    "rate": "--rate",
     "dry_run": "--dry-run",
     "selection": "--track, --since, --until, --bbox",
 }
@@ -251,8 +257,13 @@ def command(
     if choices["update_map"]:
         check_output(choices["update_map"], force=force, binary=True)
 
-    # What can't be had of streams and coresets is refused there.
-    choices |= {"selection": None if selection.is_everything else selection, "dry_run": dry_run}
+    # What can't be had of streams and coresets is refused there; GPSZIP_MEMORY is for logs alone.
+    is_stated = context.get_parameter_source("memory") is ParameterSource.COMMANDLINE
+    choices |= {
+        "selection": None if selection.is_everything else selection,
+        "dry_run": dry_run,
+        "stated_memory": is_stated,
+    }
     if choices["stream"]:
         return compress_stream(
             logs, target, options, choices, extended, quiet=quiet, as_json=settings.json
@@ -282,7 +293,9 @@ def command(
 
         # What can't be read back is not written.
         if lossless:
-            prove_logs(archive, sources)
+            from gpszip.pipeline.exact_logs import prove_exact
+
+            prove_exact(archive, sources)
 
         # Write the files; delete the logs once what was written is proved to hold them.
         _write(target, archive, choices["update_map"], updated_map, force=overwrite)
@@ -341,15 +354,10 @@ def _check_logs(context: click.Context, logs: tuple[str, ...], *, stream: bool) 
 
 
 def _is_coreset(logs: tuple[str, ...]) -> bool:
-    """Whether the one log is the coreset of some; only Parquet may be one."""
-    if len(logs) != 1 or not Path(logs[0]).is_file():
-        return False
-    with Path(logs[0]).open("rb") as file:
-        if file.read(len(_PARQUET)) != _PARQUET:
-            return False
-    from gpszip.io.coresets import holds_coreset
+    """Whether the one log is the coreset of some."""
+    from gpszip.io.coreset_files import holds_coreset
 
-    return holds_coreset(logs[0])
+    return len(logs) == 1 and holds_coreset(logs[0])
 
 
 def _compress_coreset(

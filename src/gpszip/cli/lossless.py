@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from gpszip.archive import Archive
     from gpszip.pipeline.compress import LogKeeper
 
 __all__ = [
@@ -18,7 +17,6 @@ __all__ = [
     "log_keeper",
     "lossless_options",
     "open_sources",
-    "prove_logs",
     "remove_logs",
 ]
 
@@ -78,15 +76,6 @@ def log_keeper(sources: Sequence[Any], *, lossless: bool, remove: bool) -> LogKe
     if remove:
         check_removable(sources)
     return partial(exact_section, sources)
-
-
-def prove_logs(archive: Archive, sources: Sequence[Any]) -> None:
-    """Compare the logs with what an archive returns, before it is written: 2 us a row."""
-    from gpszip.io.storage.source import Source
-    from gpszip.pipeline.exact_logs import check_exact
-
-    # Logs that can't be read, and were to be left out, are not in it.
-    check_exact(archive, [source for source in sources if isinstance(source, Source)])
 
 
 def remove_logs(target: str, sources: Sequence[Any]) -> int:

@@ -200,7 +200,7 @@ def command(
 
 def _is_coreset(logs: tuple[str, ...]) -> bool:
     """Whether the one log is the coreset of some."""
-    from gpszip.io.coresets import holds_coreset
+    from gpszip.io.coreset_files import holds_coreset
 
     return len(logs) == 1 and holds_coreset(logs[0])
 

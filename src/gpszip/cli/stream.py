@@ -31,7 +31,7 @@ _REFUSED = {
     "map_name": "--map",
     "update_map": "--update-map",
     "coreset": "--coreset",
-    "memory": "--memory",
+    "stated_memory": "--memory",
     "k": "--k",
     "m": "--m",
     "layer": "--layer",
@@ -53,6 +53,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def stream_options(command: F) -> F:
     """Add the options --stream, --batch and --every."""
+    # When the archive is written.
     command = click.option(
         "--every",
         "batch_seconds",
@@ -67,6 +68,8 @@ def stream_options(command: F) -> F:
         metavar="LINES",
         help=f"With --stream: write it after so many lines at least; by default {_BATCH_LINES}.",
     )(command)
+
+    # Decorators apply from the last to the first: help lists this one first.
     return click.option(
         "--stream",
         is_flag=True,
@@ -110,6 +113,7 @@ def compress_stream(
     from gpszip.live.stream.lines import StreamLines
     from gpszip.live.stream.rows import StreamReader
     from gpszip.live.stream.run import BATCH_SECONDS, follow_stream, stop_at_signals
+    from gpszip.pipeline.bounds import requested_bound
 
     # Refuse what can't be had batch by batch.
     _check_stream(logs, target, choices)
@@ -128,6 +132,8 @@ def compress_stream(
     # Follow the stream.
     name = "standard input" if logs in ((), ("-",)) else logs[0]
     notices = Notices(_no_line if quiet or as_json else print_status)
+    if archive is not None and options.bounded and requested_bound(options) != archive.error_bound:
+        notices.note("the bound that the archive states holds, not the one given", target)
     executor_choices = choices["workers"], choices["engine"], choices["scheduler"]
     with open_executor(*executor_choices) as executor:
         lines = StreamLines(_open_stream(logs))
@@ -230,6 +236,7 @@ def _print_result(
     from gpszip.cli.output import print_json, print_status
     from gpszip.cli.units import format_bytes, format_count, format_length
 
+    # For a program.
     archive = compressor.archive
     assert archive is not None
     rmse, max_error = compressor.errors

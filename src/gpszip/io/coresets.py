@@ -25,14 +25,12 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OutputError
+from gpszip.io.coreset_files import CORESET_KEY
 from gpszip.io.storage.sink import open_sink
 from gpszip.model import Plane
 from gpszip.sketches.coreset import Coreset
 
-__all__ = ["holds_coreset", "read_coreset", "write_coreset"]
-
-#: Key of the coreset's data in the metadata of the schema.
-_METADATA_KEY = b"gpszip.coreset"
+__all__ = ["read_coreset", "write_coreset"]
 
 #: Version of the format.
 _VERSION = 1
@@ -108,7 +106,7 @@ def write_coreset(coreset: Coreset, sink: str | Path | BinaryIO, *, force: bool 
     columns = [names.cast(pa.string())]
     columns += [pa.array(np.ascontiguousarray(column)) for column in coreset.rows.T]
     table = pa.table(columns, names=["track", *_column_names(coreset.dimension)])
-    table = table.replace_schema_metadata({_METADATA_KEY: metadata.encode()})
+    table = table.replace_schema_metadata({CORESET_KEY: metadata.encode()})
     with open_sink(sink) as file:
         pq.write_table(
             table, file, compression="zstd", use_dictionary=["track"], write_statistics=False
@@ -137,7 +135,7 @@ def read_coreset(source: str | Path | BinaryIO) -> Coreset:
         # The bytes are read here: Arrow opens no file whose name isn't UTF-8.
         data: Any = pa.py_buffer(Path(str(source)).read_bytes()) if is_path else source
         table = pq.read_table(data)
-        metadata = json.loads((table.schema.metadata or {})[_METADATA_KEY])
+        metadata = json.loads((table.schema.metadata or {})[CORESET_KEY])
         return _build_coreset(table, metadata, where)
     except KeyError:
         raise InputError(
@@ -149,17 +147,6 @@ def read_coreset(source: str | Path | BinaryIO) -> Coreset:
         raise InputError(
             f"can't be read as a coreset: {str(error).splitlines()[0]}", path=where
         ) from None
-
-
-def holds_coreset(path: str) -> bool:
-    """Whether a file is a coreset that :func:`write_coreset` wrote; no log is."""
-    if not Path(path).is_file():
-        return False
-    try:
-        with Path(path).open("rb") as file:
-            return _METADATA_KEY in (pq.read_schema(file).metadata or {})
-    except (pa.ArrowException, OSError):
-        return False
 
 
 def _column_names(dimension: int) -> list[str]:

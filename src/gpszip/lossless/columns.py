@@ -169,6 +169,8 @@ def decode_column(
     sizes = np.zeros(count, np.uint8)
     if count == 0:
         return np.zeros(0, np.int64), CodedColumn(np.zeros(0, np.int64), 0, sizes)
+
+    # The method and the first value; of a constant, that is all.
     method = cursor.read_byte("a column's method")
     if method >= _METHODS + (0 if guide is None else _GUIDED):
         raise cursor.error(f"no column is coded by method {method}")
@@ -185,6 +187,8 @@ def decode_column(
         raise cursor.error("the setting of a column is out of range")
     if scale > _MAX_SCALE:
         raise cursor.error("the setting of a column is out of range")
+
+    # The values; a method may leave the guide out.
     if method <= _GUIDED:
         guide = None
     setting = Setting((method - 1) % 2, usual, unit, shift, scale, first_bin)
@@ -277,9 +281,12 @@ def _run(
     from gpszip.lossless.kernels.guided import new_guide_state
     from gpszip.lossless.kernels.predictions import new_predictor
 
+    # The kernel takes empty arrays for what there is not.
     guide = no_guide() if guide is None else guide
     known = [side for side in sides if side is not None]
     rows = (len(known), len(values))
+
+    # Values are read or written in place.
     return bool(
         code_column(
             coder,

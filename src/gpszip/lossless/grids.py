@@ -128,11 +128,14 @@ def encode_grid(grid: Grid, numbers: _Ints) -> tuple[bytes, _Ints]:
 
 def decode_grid(cursor: Cursor, count: int) -> tuple[Grid, _Ints]:
     """Read a grid, and what exceptions add to each of ``count`` numbers."""
+    # The grid.
     numerator = cursor.read_varint("a step's numerator")
     denominator = cursor.read_varint("a step's denominator")
     offset = cursor.read_varint("a grid's offset")
     if not 0 < numerator <= _MAX_PART or not 0 < denominator <= _MAX_PART or offset > _MAX_PRODUCT:
         raise cursor.error("the step of a grid is out of range")
+
+    # Numbers off it: how many rows to skip to each, and what it differs by.
     exceptions = cursor.read_varint("the number of exceptions")
     if exceptions > min(count, cursor.remaining):
         raise cursor.error(f"{exceptions} exceptions of {count} numbers")

@@ -245,11 +245,14 @@ class Knots:
         places : Places
             Where its rows lie.
         """
+        # Where the knots are; without any, nothing is told.
         axis = role.kind - 1
         coordinates = np.concatenate([trail.positions[:, axis] for trail in self._trails])
         empty = np.zeros(0, np.int64)
         if not len(coordinates):
             return Guide(np.zeros(len(places.knots), np.int64), places.classes, empty, empty, 0)
+
+        # Between two knots, the share of the way is that of the time.
         numbers = _on_grid(coordinates, role.detail, 0, grid)
         start = numbers[places.knots]
         way = np.clip(numbers[places.after] - start, -_MAX_DIFFERENCE, _MAX_DIFFERENCE)
@@ -317,6 +320,8 @@ def encode_guide(guide: TableGuide | None) -> bytes:
     """Encode the guide of a table, or that there is none."""
     if guide is None:
         return encode_varint(0)
+
+    # The runs, and how times are told.
     parts = [
         encode_varint(len(guide.tracks)),
         encode_column(guide.tracks)[0],
@@ -325,6 +330,8 @@ def encode_guide(guide: TableGuide | None) -> bytes:
         encode_signed(guide.zone),
         encode_varint(guide.slack),
     ]
+
+    # What each column is.
     for role in guide.roles:
         parts.append(bytes([role.kind]))
         if role.kind != NO_ROLE:

@@ -156,6 +156,7 @@ def write_exact_logs(
     >>> found.logs[0].name, b"".join(found.read(0))
     ('a.csv', b't,x,y\n0,1,2\n')
     """
+    # Code the blocks; what stands before them is known only at their end.
     records: list[ExactLog] = []
     with tempfile.SpooledTemporaryFile(_MAX_IN_MEMORY, prefix="gpszip-") as spool:
         finder = GuideFinder(trails)

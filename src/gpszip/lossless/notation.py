@@ -155,6 +155,7 @@ def find_notation(values: _Ints, places: _Counts, widths: _Counts) -> tuple[Nota
 
 def encode_notation(notation: Notation) -> bytes:
     """Encode the rules of a column, and what they list."""
+    # The rules, as bits of one byte.
     first = (
         notation.places_rule
         | notation.width_rule << _WIDTH_SHIFT
@@ -162,6 +163,8 @@ def encode_notation(notation: Notation) -> bytes:
         | (notation.minus_zeros is not None) << _MINUS_SHIFT
     )
     parts = [bytes([first, notation.decimals])]
+
+    # What they list: places, widths, and rows of zeros with a minus.
     if notation.places is not None:
         parts.append(encode_column(notation.places)[0])
     if notation.width_rule == _PADDED:

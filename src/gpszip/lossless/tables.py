@@ -94,6 +94,7 @@ def decode_table(
     CorruptArchiveError
         If the bytes are no such table.
     """
+    # The column of times, and what the walks tell.
     number = cursor.read_varint("the column of times")
     if number > count:
         raise cursor.error(f"times in column {number} of {count}")

@@ -127,8 +127,11 @@ def decode_block(cursor: Cursor, size: int, trails: Trails | None = None) -> byt
     CorruptArchiveError
         If the bytes are no block of ``size`` bytes of text.
     """
+    # A forged size must not ask for more memory.
     if size > MAX_BLOCK_BYTES:
         raise cursor.error(f"a block of {size} bytes; at most {MAX_BLOCK_BYTES} are allowed")
+
+    # The text, by the method that took the fewest bytes.
     method = cursor.read_byte("a block's method")
     if method == _TABLES:
         text = _decode_tables(cursor, size, None)
@@ -270,10 +273,13 @@ def _split(text: bytes) -> _Records | None:
 
 def _read_shapes(cursor: Cursor, size: int) -> tuple[bytes, ...]:
     """Read the shapes of text of ``size`` bytes."""
+    # How many there are, within what the text can have.
     count = cursor.read_varint("the number of shapes")
     length = cursor.read_varint("the length of the shapes")
     if count > min(size, _MAX_SHAPES) or length > _SHAPES_RATIO * size + _SHAPES_FREE:
         raise cursor.error(f"{count} shapes of {length} bytes for {size} bytes of text")
+
+    # The shapes, each after its length.
     packed = cursor.read_bytes(cursor.read_varint("the length of packed shapes"), "the shapes")
     blob = Cursor(inflate(packed, length, cursor.base + cursor.offset))
     try:

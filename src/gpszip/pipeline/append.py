@@ -155,6 +155,7 @@ def _append_within(archive: Archive, job: Job) -> tuple[Archive, Archive, ErrorS
 
     Targets become tighter and tighter until the whole holds the bound.
     """
+    # New walks on the map of the archive.
     continued = _continued_job(archive, job)
     for share in _SHARES:
         target = replace(continued, options=job.options.tightened(share))

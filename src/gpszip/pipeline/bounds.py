@@ -71,6 +71,8 @@ def with_bound(
 
     if options.bounded or options.sized or options.thesis:
         return options, ()
+
+    # Beside the log itself, a larger RMSE takes the fewest bytes.
     rmse = suggest_rmse(tracks, gaps)
     if exact:
         rmse *= _EXACT_FACTOR
@@ -79,6 +81,8 @@ def with_bound(
             f"{_EXACT_FACTOR:g} times as much as without --lossless"
         )
         return replace(options, rmse=rmse), (note,)
+
+    # Otherwise, a maximum limits the worst sample, too.
     maximum = _MAX_ERROR_PER_RMSE * rmse
     note = (
         f"no bound was given: RMSE {rmse:g} m and maximum {maximum:g} m "

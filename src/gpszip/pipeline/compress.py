@@ -210,7 +210,7 @@ def _within_size(job: Job, size: int) -> tuple[Archive, ErrorSummary]:
             return None
         return Try(archive.size - columns, errors.rmse, (archive, errors))
 
-    # a secant search between the noise of the log and its extent
+    # A secant search between the noise of the log and its extent
     best, smallest = smallest_error(
         attempt,
         size - columns,

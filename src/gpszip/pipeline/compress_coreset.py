@@ -144,9 +144,11 @@ def cost_of_walks(archive: Archive, coreset: Coreset) -> Cost:
 
 def _check_options(options: Options) -> None:
     """Refuse what needs the samples."""
+    # What a user may ask for that only samples tell.
     needs = {
         "a maximum error": options.max_error is not None,
         "a size": options.sized,
+        "gaps": options.gap is not None,
         "a coreset of another size": options.coreset is not None,
         "columns": bool(options.keep or options.keep_times or options.curves),
         "an archive without times": not options.times,
@@ -155,8 +157,10 @@ def _check_options(options: Options) -> None:
         if is_asked:
             raise OptionError(
                 f"{what} can't be had from a coreset, which has no samples",
-                remedy="give an RMSE, or the log itself",
+                remedy="ask for an RMSE alone, or give the log itself",
             )
+
+    # What there has to be.
     if options.rmse is None and not (options.k is not None and options.m is not None):
         raise OptionError("an archive of a coreset needs an RMSE, or k and m", remedy="give rmse")
 

@@ -82,12 +82,15 @@ def segment_mean_within(
     >>> segment_mean_within(lane, max_error=0.01, k=4).m
     2
     """
+    # Search what is not given.
     _check_options(rmse, max_error, m)
     problem = _BoundedProblem(as_problem(track, begins, options), rmse, max_error, executor)
     if k is None:
         return _fewest_intervals(problem, m)
     if m is None:
         return _fewest_segments(problem, k)
+
+    # Both are given: they hold the bound, or not.
     segments = m if isinstance(m, int) else max(1, round(m * k))
     mean = problem.solve(k, segments)
     if problem.excess(mean) > 1:

@@ -16,6 +16,7 @@ from typing import Any, BinaryIO
 import pyarrow as pa
 
 from gpszip.errors import InputError, NoPositionsError
+from gpszip.io.coreset_files import is_coreset
 from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.logs.table_batches import TableBatch, interpret_batches
@@ -172,11 +173,11 @@ def _open_dataset(source: Source) -> Any:
     # A stream or a gzip file is read into memory.
     if path is None or source.is_gzip:
         table = pq.read_table(pa.BufferReader(source.read()))
-        _check_names(table.schema, source.name)
+        _check_schema(table.schema, source.name)
         return ds.dataset(table)
 
     # Open the file in place. In a folder, parts of its path (key=value) are columns as well.
-    _check_names(pq.read_schema(str(path)), source.name)
+    _check_schema(pq.read_schema(str(path)), source.name)
     if source.folder is None:
         return ds.dataset(str(path), format="parquet")
     return ds.dataset(
@@ -208,8 +209,14 @@ def _is_unicode(path: Path) -> bool:
     return True
 
 
-def _check_names(schema: Any, where: str) -> None:
-    """Refuse columns of one name: Arrow can't tell them apart."""
+def _check_schema(schema: Any, where: str) -> None:
+    """Refuse coresets, and columns of one name: Arrow can't tell them apart."""
+    if is_coreset(schema):
+        raise InputError(
+            "is the coreset of a log, not a log",
+            path=where,
+            remedy="give the log; compress and segments take a coreset as their only LOG",
+        )
     name, times = Counter(schema.names).most_common(1)[0] if schema.names else ("", 0)
     if times > 1:
         raise InputError(

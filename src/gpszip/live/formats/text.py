@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gpszip.errors import InputError, OptionError
 from gpszip.live.fix import Fix, Unusable
@@ -23,7 +23,10 @@ from gpszip.live.formats.values import (
     to_number,
 )
 
-__all__ = ["TextParser"]
+if TYPE_CHECKING:
+    from gpszip.io.tables.roles import Roles
+
+__all__ = ["TextParser", "require_times"]
 
 #: Separators of columns that are tried, the first one that the header has.
 _SEPARATORS = ",;\t|"
@@ -162,11 +165,7 @@ class _Table:
             raise InputError(f"more than {_MAX_COLUMNS:,} columns", path=where, location="line 1")
         given = None if columns is None else dict(columns)
         self._roles = find_roles(names, given, (), where, heading=True, times=False)
-        if not self._roles.time:
-            # A log may go without times; what is live can't.
-            raise InputError(
-                "no column of times", path=where, remedy="say which it is: --columns t=COLUMN"
-            )
+        require_times(self._roles, where)
         self._unit = time_unit_in_name(names[self._roles.time[-1]])
         plain = [name.lower().replace("_", "").replace(" ", "") for name in names]
         self._accuracy = _index_of(plain, _ACCURACY)
@@ -218,6 +217,20 @@ class _Table:
         if number is not None and self._unit is not None:
             return number * self._unit
         return parse_time(cells[0], context.timezone)
+
+
+def require_times(roles: Roles, where: str) -> None:
+    """Refuse a table without times: a log may go without them, what is live can't.
+
+    Raises
+    ------
+    InputError
+        If no column has times.
+    """
+    if not roles.time:
+        raise InputError(
+            "no column of times", path=where, remedy="say which it is: --columns t=COLUMN"
+        )
 
 
 def _index_of(names: Sequence[str], synonyms: Sequence[str]) -> int | None:

@@ -135,6 +135,11 @@ class StreamCompressor:
     executor : Executor, optional
         Where maps are learned.
 
+    Raises
+    ------
+    OptionError
+        If rows are to be sorted and tracks split.
+
     Attributes
     ----------
     archive : Archive or None
@@ -170,6 +175,8 @@ class StreamCompressor:
         window_samples: int = WINDOW_SAMPLES,
         executor: Executor | None = None,
     ) -> None:
+        if sort and split:
+            raise OptionError("--sort and --split exclude each other")
         self.archive = archive
         self.points = 0
         self.counts: dict[str, int] = {}
@@ -393,6 +400,7 @@ class StreamCompressor:
 
     def _append(self, new: dict[str, _Samples], plane: Plane | None) -> None:
         """Learn new samples with those that are kept; if that fails, by themselves."""
+        # With the samples that are kept, walks go on without a knot; else from where they end.
         assert self.archive is not None
         cuts = {name: last_fixed_knot(self.archive, name) for name in new if name in self._window}
         for knots in (cuts, {}) if cuts else ({},):
@@ -416,6 +424,7 @@ class StreamCompressor:
         self, knots: Mapping[str, int | None], new: Mapping[str, _Samples], plane: Plane | None
     ) -> None:
         """Append samples, with those of their tracks that come after some knots."""
+        # Samples up to these knots keep the errors that they have; later ones are learned again.
         archive = self.archive
         assert archive is not None
         fixed, window = self._fixed, dict(self._window)
@@ -437,6 +446,8 @@ class StreamCompressor:
             found, report = compress(tracks, options, executor=self._executor)
         else:
             found, report = append(base, tracks, options, executor=self._executor)
+
+        # Only now is anything taken: learning may have failed.
         self.archive, self._fixed, self._report = found, fixed, report
         self._window = window | {
             name: window[name].joined(samples) if name in window else samples

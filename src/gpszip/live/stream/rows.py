@@ -33,7 +33,7 @@ from gpszip.io.storage.source import Source
 from gpszip.io.tables.quotes import check_quotes
 from gpszip.io.tables.roles import Roles
 from gpszip.live.fix import Fix
-from gpszip.live.formats.text import TextParser
+from gpszip.live.formats.text import TextParser, require_times
 from gpszip.live.formats.values import Context
 from gpszip.model.read_result import Repair
 
@@ -208,7 +208,8 @@ class _TableLines:
     def __init__(self, name: str, request: Request, dialect: Dialect, *, clean: bool) -> None:
         self._name, self._clean = name, clean
         self._dialect = dialect
-        self._roles = find_csv_roles(dialect, request, name)
+        self._roles = find_csv_roles(dialect, replace(request, times=False), name)
+        require_times(self._roles, name)
         self._header = b""
         self._table: Any = None
         self._interpreter = TableInterpreter(self, request)
@@ -344,6 +345,8 @@ def _joined(pieces: Iterable[StreamRows]) -> StreamRows:
     found = list(pieces)
     if len(found) == 1:
         return found[0]
+
+    # Rows of each track, and repairs of each kind.
     tracks: dict[str, list[tuple[Floats, Floats]]] = {}
     repairs: list[Repair] = []
     for each in found:
@@ -351,6 +354,8 @@ def _joined(pieces: Iterable[StreamRows]) -> StreamRows:
             tracks.setdefault(name, []).append(rows)
         for repair in each.repairs:
             add_repair(repairs, repair)
+
+    # Pieces without a row say nothing of the coordinates.
     joined = {
         name: (np.concatenate([row[0] for row in rows]), np.concatenate([row[1] for row in rows]))
         for name, rows in tracks.items()

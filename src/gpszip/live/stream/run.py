@@ -201,6 +201,7 @@ def stop_at_signals(stop: Callable[[], None]) -> Iterator[None]:
 
     Signals that are ignored stay so: nohup ignores SIGHUP on purpose.
     """
+    # Only the main thread may handle signals.
     handlers = {}
     if threading.current_thread() is threading.main_thread():
         numbers = [
@@ -217,6 +218,7 @@ def stop_at_signals(stop: Callable[[], None]) -> Iterator[None]:
         # Whoever asks twice doesn't want to wait.
         signal.signal(number, signal.default_int_handler)
 
+    # Handle them until the stream has ended.
     for number in handlers:
         signal.signal(number, handle)
     try:

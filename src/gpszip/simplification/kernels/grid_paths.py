@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.jit import inner, jit
-from gpszip.simplification.kernels.routes import ensure_capacity, is_in_corridor
+from gpszip.simplification.kernels.routes import append_path, is_in_corridor
 
 __all__ = ["cheapest_monotone_paths"]
 
@@ -163,16 +163,8 @@ def cheapest_monotone_paths(
                     _relax(cell, other, side if k == 1 else diagonal, price, cost, before, is_new)
             column, turned, size = turned, column, count
 
-        # Write the path from the end back to the start, and reverse it.
+        # The path, if the end was reached.
         if mark[end] == inside:
-            first, cell = total, end
-            while True:
-                cells = ensure_capacity(cells, total)
-                cells[total] = cell
-                total += 1
-                if cell == start:
-                    break
-                cell = before[cell]
-            cells[first:total] = cells[first:total][::-1].copy()
+            cells, total = append_path(cells, total, before, start, end)
         offsets[i + 1] = total
     return offsets, cells[:total].copy()

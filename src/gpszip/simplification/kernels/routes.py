@@ -10,20 +10,48 @@ from numpy.typing import NDArray
 from gpszip.kernels.heap import pop, push
 from gpszip.kernels.jit import inner, inner_uncounted, jit
 
-__all__ = ["cheapest_paths", "ensure_capacity", "is_in_corridor"]
+__all__ = ["append_path", "cheapest_paths", "is_in_corridor"]
 
 #: Initial capacity of growing arrays; they double when they are full.
 _INITIAL_CAPACITY = 1024
 
 
 @inner
-def ensure_capacity(values: NDArray[Any], size: int) -> NDArray[Any]:
+def _ensure_capacity(values: NDArray[Any], size: int) -> NDArray[Any]:
     """The array, or a copy with twice its capacity if ``size`` entries fill it."""
     if size < len(values):
         return values
     larger = np.empty(2 * len(values), values.dtype)
     larger[:size] = values[:size]
     return larger
+
+
+@inner
+def append_path(
+    vertices: NDArray[np.int32], total: int, before: NDArray[np.int32], start: int, end: int
+) -> tuple[NDArray[np.int32], int]:
+    """Append the path that leads to the end, where ``before`` has each vertex's predecessor.
+
+    Returns
+    -------
+    vertices : int32 array
+        The array, or a larger copy.
+    total : int
+        Vertices of all paths so far.
+    """
+    # Go from the end back to the start.
+    first, vertex = total, end
+    while True:
+        vertices = _ensure_capacity(vertices, total)
+        vertices[total] = vertex
+        total += 1
+        if vertex == start:
+            break
+        vertex = before[vertex]
+
+    # Reverse it.
+    vertices[first:total] = vertices[first:total][::-1].copy()
+    return vertices, total
 
 
 @inner_uncounted
@@ -132,19 +160,11 @@ def cheapest_paths(
                 )
                 if seen[other] != i or new_cost < cost[other]:
                     seen[other], cost[other], before[other] = i, new_cost, vertex
-                    keys, items = ensure_capacity(keys, size), ensure_capacity(items, size)
+                    keys, items = _ensure_capacity(keys, size), _ensure_capacity(items, size)
                     size = push(keys, items, size, new_cost, other)
 
-        # Write the path from the end back to the start, and reverse it.
+        # The path, if the end was reached.
         if done[end] == i:
-            first, vertex = total, end
-            while True:
-                vertices = ensure_capacity(vertices, total)
-                vertices[total] = vertex
-                total += 1
-                if vertex == start:
-                    break
-                vertex = before[vertex]
-            vertices[first:total] = vertices[first:total][::-1].copy()
+            vertices, total = append_path(vertices, total, before, start, end)
         offsets[i + 1] = total
     return offsets, vertices[:total].copy()
