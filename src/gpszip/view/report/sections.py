@@ -316,10 +316,12 @@ def _write_changes(numbers: Numbers, calendar: Calendar) -> str:
             "claimed where nobody came by."
         )
 
-    # The changes.
+    # How many of each kind; where there are very many, of those with most evidence.
     kinds = Counter(change["kind"] for change in changes["rows"])
-    what = join_words([f"{count:,} {kind}" for kind, count in kinds.items()])
-    text = f"Since {since}: {_strong(what)}. {alarms}"
+    what = _strong(join_words([f"{count:,} {kind}" for kind, count in kinds.items()]))
+    if changes["changes"] > len(changes["rows"]):
+        what = f"{_strong(count_text(changes['changes'], 'change'))}, the surest being {what}"
+    text = f"Since {since}: {what}. {alarms}"
     rows = [
         [
             change["kind"] + (f" ×{change['factor']:.2f}" if change["factor"] else ""),
