@@ -40,6 +40,7 @@ def test_two_archives_and_none(gpszip, files, tmp_path):
     assert facts["threshold"] >= 7
     none = gpszip(f"changes {files / 'base.gpsz'} --since 3800 -o c.csv --threshold 9.2")
     assert "0 changes" in none.out
+    assert none.out.splitlines()[0].endswith("from 9.2 nats of evidence on")
     assert len((tmp_path / "c.csv").read_text().splitlines()) == 1
 
 
@@ -47,6 +48,10 @@ def test_mistakes_are_told(gpszip, files):
     base = files / "base.gpsz"
     assert "--since" in gpszip(f"changes {base}").err
     assert "--since" in gpszip(f"changes {base} {base} --since 10").err
+    assert (
+        "leave out one"
+        in gpszip(f"changes {base} --since 3800 --threshold 9.2 --false-alarms 0.1").err
+    )
     assert "outside" in gpszip(f"changes {base} --since 2024-05-01").err
     assert "no change" in gpszip(f"changes {base} --since 3800 --kinds gone").err
     assert "not as .txt" in gpszip(f"changes {base} --since 3800 -o c.txt").err

@@ -109,6 +109,9 @@ def test_unusual_parts_have_places_and_lines(gpszip, tmp_path):
     assert 52.45 < float(off["lat"]) < 52.55
     assert 13.35 < float(off["lon"]) < 13.45
 
+    assert (
+        "--stretches needs a table" in gpszip("unusual later.csv --map known.gpsz --stretches").err
+    )
     assert gpszip("unusual later.csv --map known.gpsz -o u.geojson --stretches").code == 0
     features = json.loads((tmp_path / "u.geojson").read_text())["features"]
     assert len(features) == len(rows)

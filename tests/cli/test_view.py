@@ -99,6 +99,7 @@ def test_two_archives(gpszip, archive, tmp_path):
     [
         ("a.gpsz a.gpsz a.gpsz", 2, "one archive or two, not 3"),
         ("bus.gpsz --match", 2, "--match needs a log and roads; give --raw and --network, too"),
+        ("bus.gpsz --timezone Europe/Berlin", 2, "give --history, too"),
         ("bus.gpsz --open -o -", 2, "--open needs a file"),
         ("bus.gpsz --raw other.csv", 2, "no archive has a track 'tram' of the log"),
         ("bus.gpsz --raw deep.csv", 2, "the log is in x, y, z, the archive in x, y"),
@@ -125,6 +126,8 @@ def test_python_writes_the_same_page(gpszip, archive, tmp_path):
     assert scene_of(page)["archives"][0]["points"] == 3
     with pytest.raises(package.OutputError, match="force=True"):
         package.write_page(opened, tmp_path / "page.html")
+    with pytest.raises(package.OptionError, match="history, which is not shown"):
+        package.write_page(opened, tmp_path / "other.html", timezone="Europe/Berlin")
     with pytest.raises(package.OptionError, match="not 3"):
         package.write_page([opened] * 3, tmp_path / "other.html")
 

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
+#: False alarms of closures a day, where neither they nor a threshold are given.
+_FALSE_ALARMS = 0.1
+
 #: Changes that the text names.
 _MAX_NAMED = 20
 
@@ -58,8 +61,7 @@ _MAX_NAMED = 20
 @click.option(
     "--false-alarms",
     type=click.FloatRange(0, min_open=True),
-    default=0.1,
-    show_default=True,
+    show_default=f"{_FALSE_ALARMS:g}",
     metavar="N",
     help="False alarms of closures a day; the threshold of evidence is chosen for it.",
 )
@@ -86,7 +88,7 @@ def command(
     new: str | None,
     boundary: float | None,
     target: str | None,
-    false_alarms: float,
+    false_alarms: float | None,
     threshold: float | None,
     kinds: str | None,
     map_name: str | None,
@@ -108,6 +110,11 @@ def command(
     # Refuse what can be refused before anything is read.
     if (boundary is None) == (new is None):
         raise OptionError("name two archives, or one and --since")
+    if false_alarms is not None and threshold is not None:
+        raise OptionError(
+            "--threshold is given, and --false-alarms asks for another one to be chosen",
+            remedy="leave out one of both",
+        )
     if target is not None:
         check_table_format(target, "changes")
         check_output(target, force=force)
@@ -121,7 +128,7 @@ def command(
         results.append(read)
         options: dict[str, Any] = {
             "since": boundary,
-            "false_alarms": false_alarms,
+            "false_alarms": _FALSE_ALARMS if false_alarms is None else false_alarms,
             "threshold": threshold,
             "kinds": wanted,
         }
@@ -157,7 +164,7 @@ def _write(found: Changes, target: str) -> None:
     edges = np.array([change.edge for change in rows], np.int64)
     forward = np.array([change.forward for change in rows], np.bool_)
     lines = edge_lines(network, edges, forward)
-    middle = np.array([_middle(line) for line in lines]).reshape(-1, 2)
+    middle = np.array([network.middle(edge)[:2] for edge in edges.tolist()]).reshape(-1, 2)
     names = ("x", "y")
     if network.plane is not None:
         names = ("lat", "lon")
@@ -182,13 +189,6 @@ def _write(found: Changes, target: str) -> None:
     write_edge_table(columns, target, "changes", lines=lines, network=network, facts=facts)
 
 
-def _middle(line: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Position halfway along a line."""
-    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    along = np.append(0.0, np.cumsum(steps))
-    return np.array([np.interp(along[-1] / 2, along, axis) for axis in line.T[:2]])
-
-
 def _facts(
     found: Changes, target: str | None, results: Sequence[ReadResult | None]
 ) -> dict[str, Any]:
@@ -208,10 +208,13 @@ def _facts(
 
 def _describe(found: Changes) -> list[str]:
     """Return lines about the changes, for a person."""
-    lines = [
+    line = (
         f"{format_count(len(found), 'change')} in {found.days:.1f} days; closures from "
-        f"{found.threshold:.1f} nats of evidence on, for {found.false_alarms:g} false alarms a day"
-    ]
+        f"{found.threshold:.1f} nats of evidence on"
+    )
+    if np.isfinite(found.false_alarms):
+        line += f", for {found.false_alarms:g} false alarms a day"
+    lines = [line]
     lines += [_describe_change(change) for change in found.changes[:_MAX_NAMED]]
     if len(found) > _MAX_NAMED:
         lines.append(f"and {format_count(len(found) - _MAX_NAMED, 'more change')}")

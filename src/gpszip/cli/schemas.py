@@ -418,7 +418,7 @@ _CHANGES: Fields = {
     "since": "number: first time after, in seconds",
     "days": "number: days after",
     "threshold": "number: nats of evidence for a closure",
-    "false_alarms": "number: false alarms a day that it was chosen for",
+    "false_alarms": "number|null: false alarms a day that it was chosen for; null if it was given",
     "changes": _list(
         _object(
             {

@@ -115,6 +115,8 @@ def command(
     # Refuse what can be refused before anything is read. NaN passes as a number of any range.
     if math.isnan(alarm):
         raise OptionError("--alarm is nan", remedy="give bits, such as 20")
+    if parts and target is None:
+        raise OptionError("--stretches needs a table", remedy="name one with -o")
     if target is not None:
         check_table_format(target, "unusual")
         check_output(target, force=force)

@@ -135,7 +135,14 @@ def _page_name(archive: str) -> str:
 
 def _read_parts(history: str | None, timezone: str | None) -> tuple[str, ...]:
     """Parts of the history that were asked for, checked as the time zone is."""
+    from gpszip.errors import OptionError
+
     if history is None:
+        if timezone is not None:
+            raise OptionError(
+                "--timezone is for hours of the history",
+                remedy="give --history, too, such as --history all",
+            )
         return ()
     from gpszip.history.local_time import find_zone
     from gpszip.pipeline.findings import check_parts

@@ -136,7 +136,7 @@ def find_rounds(history: History, since: float | None = None) -> Rounds:
     travel = _list_travel(history)
     traversals, lengths = travel.traversals, travel.lengths
     if since is not None and not np.isfinite(traversals.enter).any():
-        raise OptionError("no track has times, so that nothing is before or since one")
+        raise OptionError("no track has times, so that nothing is since a given one")
     cut = _choose_base(travel)
     total = float(traversals.metres.sum())
     regularity = 0.0 if cut is None else 1.0 - cut.cost / total

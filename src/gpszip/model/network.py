@@ -127,3 +127,8 @@ class Network:
     def road(self, index: int) -> NDArray[np.float64]:
         """Vertices of one road, shape (n, d), from its start node to its end node."""
         return self.points[self.offsets[index] : self.offsets[index + 1]]
+
+    def middle(self, index: int) -> NDArray[np.float64]:
+        """Position halfway along one road, shape (d,)."""
+        line, along = self.road(index), self.along[self.offsets[index] : self.offsets[index + 1]]
+        return np.array([np.interp(0.5 * along[-1], along, axis) for axis in line.T])

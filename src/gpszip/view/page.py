@@ -51,9 +51,11 @@ def to_json(value: Any) -> str:
     return text.replace("<", "\\u003c").encode("utf-8", "backslashreplace").decode("utf-8")
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=3)
 def build_frame(
-    template: str = "page.html", styles: tuple[str, ...] = ("page.css",), entry: str = ENTRY
+    template: str = "page.html",
+    styles: tuple[str, ...] = ("page.css",),
+    entry: str | None = ENTRY,
 ) -> str:
     """A template with its style and script.
 
@@ -63,15 +65,20 @@ def build_frame(
         Name of the template.
     styles : tuple of str
         Names of the files of its style.
-    entry : str
-        The module with which the script starts.
+    entry : str or None
+        The module with which the script starts; None for a page without a script.
     """
+    # The style.
     assets = files("gpszip.view") / "assets"
+    style = "".join((assets / name).read_text(encoding="utf-8") for name in styles)
+    page = (assets / template).read_text(encoding="utf-8").replace(_STYLE, style)
+    if entry is None:
+        return page
+
+    # The script.
     sources = {
         file.name: file.read_text(encoding="utf-8")
         for file in (assets / "script").iterdir()
         if file.name.endswith(".js")
     }
-    style = "".join((assets / name).read_text(encoding="utf-8") for name in styles)
-    page = (assets / template).read_text(encoding="utf-8")
-    return page.replace(_STYLE, style).replace(_SCRIPT, join_modules(sources, entry))
+    return page.replace(_SCRIPT, join_modules(sources, entry))

@@ -69,7 +69,8 @@ def write_page(
     ------
     OptionError
         If there are more archives than two, coordinates of different kinds, the log is another one
-        than the archives hold, or there is no such part of a history or time zone.
+        than the archives hold, there is no such part of a history or time zone, or a time zone
+        without a history.
     OutputError
         If the file exists and ``force`` is not given, or it can't be written.
     """
@@ -105,9 +106,14 @@ def find_histories(
     Raises
     ------
     OptionError
-        If there is no such part or time zone.
+        If there is no such part or time zone, or a time zone without parts.
     """
     if not parts:
+        if timezone is not None:
+            raise OptionError(
+                "a time zone is for hours of the history, which is not shown",
+                remedy="ask for parts of the history, such as all, or leave out the time zone",
+            )
         return [None for _ in archives]
     from gpszip.pipeline.findings import check_parts, find_all
 

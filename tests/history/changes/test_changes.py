@@ -1,5 +1,7 @@
 """Planted closures, new roads and slow roads are found; nothing else is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -82,6 +84,20 @@ def test_a_slow_road(town, factor, kind) -> None:
         assert change.since >= CHANGE
     assert not found.of_kind("closed")
     assert {change.kind for change in found.changes} == {kind}
+
+
+def test_jumps_of_the_receiver_make_no_road_faster() -> None:
+    # Ten passes at 10 m/s a day; the next day's are all jumps, at 200 m/s.
+    seconds = np.repeat([10.0, 0.5], 10)
+    enter = 86_400.0 * np.repeat([0, 1], 10) + 3600.0 * np.tile(np.arange(10), 2)
+    rows = drives(
+        [(i, 0, True, t, t + took) for i, (t, took) in enumerate(zip(enter, seconds, strict=True))]
+    )
+    for max_speed, kinds in ((np.inf, {"faster"}), (40.0, set())):
+        history = History(street(), replace(rows, max_speed=max_speed))
+        found = find_changes(history, enter >= 86_400, threshold=5.0)
+        assert {change.kind for change in found.changes} == kinds
+        assert np.isnan(found.false_alarms)
 
 
 def test_closures_of_all_busy_roads(town) -> None:

@@ -240,6 +240,14 @@ def test_names_of_unknown_agents_say_nothing(predictor, asked):
 def test_a_time_that_is_not_known_says_nothing(predictor, asked):
     _, edges, _ = asked[0]
     assert predictor.next(edges[:20], math.nan) == predictor.next(edges[:20])
+    rest = edges[20:25]
+    without = predictor.arrival(edges[:20], rest)
+    assert predictor.arrival(edges[:20], rest, math.nan) == without
+    now = asked[0][2][20]
+    unknown = [math.nan] * 20
+    assert predictor.arrival(edges[:20], rest, now, times=unknown) == predictor.arrival(
+        edges[:20], rest, now
+    )
 
 
 @given(st.lists(st.integers(0, 5), min_size=1, max_size=30), st.data())
@@ -368,6 +376,7 @@ def test_times_and_metres_that_are_wrong_are_refused(predictor, asked):
         lambda: predictor.learn(route, times[:1], agent),
         lambda: predictor.arrival(route, 0, times[-1], metres_left=math.nan),
         lambda: predictor.arrival(route, 0, 1e18),
+        lambda: predictor.arrival(route, 0, times=times[:1]),
     ]
     for ask in wrong:
         with pytest.raises(OptionError):

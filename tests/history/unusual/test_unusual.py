@@ -2,6 +2,7 @@
 
 import heapq
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -278,6 +279,31 @@ def test_paces_are_those_of_the_roads(usual, buses, known):
     assert 0.5 < (bits > 2 * math.log2(10)).mean() / 0.02 < 1.5
 
 
+def test_jumps_of_the_receiver_have_no_pace(known):
+    network, rows = known
+    hours = np.full(len(rows), -1)
+    paces = learn_paces(network, rows, hours)
+    moving = rows.leave - rows.enter - rows.standing
+    usable = (rows.metres > 20) & (moving > 0)
+    jump = int(np.flatnonzero(usable)[100])
+    # At 1,000 m/s it would be the fastest part by far; it is left out, as if it had no time.
+    leave, standing = rows.leave.copy(), rows.standing.copy()
+    leave[jump], standing[jump] = rows.enter[jump] + rows.metres[jump] / 1000, 0.0
+    odd = replace(rows, leave=leave, standing=standing, max_speed=60.0)
+    no_time = replace(odd, leave=np.where(np.arange(len(rows)) == jump, rows.enter, leave))
+    for got, wanted in zip(
+        pace_groups(network, odd, hours, paces),
+        pace_groups(network, no_time, hours, paces),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(got, wanted)
+    learnt = learn_paces(network, odd, hours)
+    np.testing.assert_array_equal(learnt.edge, learn_paces(network, no_time, hours).edge)
+    without_limit = learn_paces(network, replace(odd, max_speed=np.inf), hours)
+    edge = rows.directed[jump]
+    assert without_limit.edge[edge] < learnt.edge[edge]
+
+
 def test_stops_are_rare_where_nobody_stops(known):
     network, rows = known
     stops = learn_stops(network, rows)
@@ -354,6 +380,17 @@ def test_absences_are_hours_in_which_an_agent_always_travels():
     (local,) = find_absences(traversals(("a",), enter + row), [log], now, india)
     assert (local.start, local.end) == (later + 7.5 * 3600, later + 8.5 * 3600)
     assert local.reason == "no travel from 13 to 14 h Asia/Kolkata, as on most days"
+    # On 31 March, clocks in Berlin leave out the hour from 2 h on: nobody is absent then.
+    berlin = Calendar(find_zone("Europe/Berlin"), "Europe/Berlin", "option")
+    sunday = FIRST_DAY + 90 * 86_400
+    spring = Track("a", [sunday - 7200, sunday, sunday + 12 * 3600], [[0, 0], [1, 0], [2, 0]])
+    both = np.sort(np.concatenate([enter, enter - 7 * 3600]))
+    known = traversals(("a",), both)
+    assert set(berlin.part("hour", known.enter)) == {2, 9}
+    none = traversals(("a",), np.array([sunday - 7200.0]))
+    (summer,) = find_absences(known, [spring], none, berlin)
+    assert (summer.start, summer.end) == (sunday + 7 * 3600, sunday + 8 * 3600)
+    assert summer.reason == "no travel from 9 to 10 h Europe/Berlin, as on most days"
     # Who travelled then is not absent, and of others nothing is known.
     there = traversals(("a",), np.array([later + 8 * 3600.0]))
     assert not find_absences(traversals(("a",), enter), [log], there, UTC)

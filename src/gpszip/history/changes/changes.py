@@ -30,6 +30,7 @@ from gpszip.history.calendar import choose_calendar
 from gpszip.history.changes.closures import Closures, choose_threshold, find_closures
 from gpszip.history.travel_time import learn_travel_times
 from gpszip.history.traversals import History, Traversals
+from gpszip.history.usage import find_jumps
 from gpszip.model import Network
 from gpszip.model.text import count_text
 
@@ -121,7 +122,7 @@ class Changes:
     threshold : float
         Nats of evidence for a closure.
     false_alarms : float
-        False alarms a day for which it was chosen.
+        False alarms a day for which it was chosen; NaN if it was given.
     days : float
         Days after.
     """
@@ -177,7 +178,7 @@ def find_changes(
     false_alarms : float, default 0.1
         False alarms of closures a day that the threshold is chosen for.
     threshold : float, optional
-        Nats of evidence instead; positive.
+        Nats of evidence instead, whatever ``false_alarms`` is; positive.
     kinds : sequence of str
         Kinds to look for.
 
@@ -204,6 +205,8 @@ def find_changes(
     # Closures and what follows from them, then speeds.
     if threshold is None:
         threshold = choose_threshold(network, both.rows, ~both.after, false_alarms)
+    else:
+        false_alarms = np.nan
     closures = find_closures(network, both.rows, both.after, threshold)
     found = _closed(both, closures)
     new = _new(both, threshold)
@@ -332,11 +335,13 @@ def _moved(network: Network, closed: list[Change], new: list[Change]) -> list[Ch
 
 def _speeds(both: _Both, threshold: float) -> list[Change]:
     """Directions that take longer or shorter than before."""
-    # Observed over expected seconds, as the time before expects them.
+    # Observed over expected seconds, as the time before expects them. Jumps of the receiver have
+    # no speed.
     network, rows, after = both
     calendar = choose_calendar(network, rows.enter, None)
     seconds = rows.leave - rows.enter - rows.standing
     whole = (rows.metres >= _MIN_SHARE * network.lengths[rows.edge]) & (seconds > 0)
+    whole &= ~find_jumps(rows)
     if not whole[~after].any():
         return []
     times = learn_travel_times(History(network, rows.take(~after)), calendar)

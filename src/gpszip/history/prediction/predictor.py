@@ -284,7 +284,8 @@ class Predictor:
             Node of the network, to which the likeliest path is taken; or the route that remains,
             which begins where the other one ends.
         time : float, datetime, numpy.datetime64 or text, optional
-            Now, in seconds as in the archive, or a date; by default any hour.
+            Now, in seconds as in the archive, or a date; by default, and where it is NaN, any
+            hour.
         times : sequence of the same, optional
             Times at which each edge of the route was entered. With the time, they tell whether
             this trip is slower or faster than usual.
@@ -307,14 +308,18 @@ class Predictor:
         route = route if isinstance(route, Route) else list(route)
         directed = self._read(route)
         path = self._find_path(directed, goal, time, agent)
-        now = None if time is None else _in_seconds(time)
+        now = _known_seconds(time)
 
-        # This trip's pace so far, where it is known when it began.
-        pace = factor = 1.0
-        if times is not None and now is not None:
+        # When this trip began: of a long route, only the last edges count.
+        begin = None
+        if times is not None:
             if len(times) != len(route):
                 raise OptionError(f"the route has {len(route)} edges and {len(times)} times")
-            begin = _in_seconds(times[len(route) - len(directed)])
+            begin = _known_seconds(times[len(route) - len(directed)])
+
+        # Its pace so far.
+        pace = factor = 1.0
+        if begin is not None and now is not None:
             edges, forward = _columns(directed)
             metres = self.network.lengths[edges].copy()
             metres[-1] = max(metres[-1] - metres_left, 0.0)
@@ -532,6 +537,12 @@ def _in_seconds(time: Times) -> float:
     if seconds.ndim:
         raise OptionError(f"time is {time!r}; it must be a single time")
     return float(seconds)
+
+
+def _known_seconds(time: Times | None) -> float | None:
+    """Seconds of a single time; None for none, and for one that is not known, such as NaN."""
+    seconds = math.nan if time is None else _in_seconds(time)
+    return seconds if math.isfinite(seconds) else None
 
 
 def _order_of_time(enter: NDArray[np.float64], starts: NDArray[np.bool_]) -> Ints:

@@ -66,12 +66,12 @@ def find_absences(
         if len(days) < _MIN_DAYS:
             continue
 
-        # Whole hours of the log on days on which the agent travelled.
+        # Whole hours of the log in which the agent travels on nearly all days, and did not now.
         counts = np.bincount([hour % _HOURS for hour in usual], minlength=_HOURS)
         bits = -np.log2((len(days) - counts + 1) / (len(days) + 2))
         hours = range(math.ceil(first / _HOUR), math.floor(last / _HOUR))
         absent = [hour for hour in hours if bits[hour % _HOURS] >= _MIN_BITS and hour not in now]
-        found += _join_hours(track.id, absent, bits, begin - first, calendar.name)
+        found += _join_hours(track.id, absent, bits, round(begin - first), calendar)
     return tuple(found)
 
 
@@ -82,23 +82,35 @@ def _travels(rows: Traversals, chosen: NDArray[np.bool_], calendar: Calendar) ->
 
 
 def _join_hours(
-    name: str, hours: list[int], bits: NDArray[np.float64], offset: float, zone: str
+    name: str, hours: list[int], bits: NDArray[np.float64], offset: int, calendar: Calendar
 ) -> list[Anomaly]:
-    """Make one absence of local hours in a row; ``offset`` turns local seconds into times."""
-    joined: list[list[int]] = []
-    for hour in hours:
-        if joined and hour == joined[-1][-1] + 1:
-            joined[-1].append(hour)
+    """Make one absence of local hours in a row; ``offset`` makes times of the log's first hours."""
+    # When each begins, as clocks may change within the log.
+    local = np.array(hours, np.float64) * _HOUR
+    begins = local + offset
+    begins -= calendar.local(begins) - local
+
+    # An hour that clocks leave out in spring is none.
+    is_shown = calendar.local(begins) == local
+    kept = [(hours[i], float(begins[i])) for i in np.flatnonzero(is_shown).tolist()]
+
+    # Hours in a row.
+    joined: list[list[tuple[int, float]]] = []
+    for hour, begin in kept:
+        if joined and hour == joined[-1][-1][0] + 1:
+            joined[-1].append((hour, begin))
         else:
-            joined.append([hour])
+            joined.append([(hour, begin)])
+
     return [
         Anomaly(
             name,
             "absence",
-            run[0] * _HOUR + offset,
-            (run[-1] + 1) * _HOUR + offset,
-            float(max(bits[hour % _HOURS] for hour in run)),
-            f"no travel from {run[0] % _HOURS} to {run[-1] % _HOURS + 1} h {zone}, as on most days",
+            run[0][1],
+            run[-1][1] + _HOUR,
+            float(max(bits[hour % _HOURS] for hour, _ in run)),
+            f"no travel from {run[0][0] % _HOURS} to {run[-1][0] % _HOURS + 1} h {calendar.name}, "
+            "as on most days",
             (),
         )
         for run in joined

@@ -39,6 +39,7 @@ _LOOK_BACK = 256
 
 Mask = NDArray[np.bool_]
 Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -121,23 +122,19 @@ def score_own_trips(
     >>> own.unusual, own.left_out
     (Unusual(20 trips, 0 absences), 0)
     """
-    # Trips with times, in the order of time, and which of them teach which others.
+    # Trips with times.
     network, rows = history
     rows = rows.take(np.isfinite(rows.enter))
     if not len(rows):
         raise OptionError("no track has times, so there are no trips to compare")
-    number = np.cumsum(_trip_begins(rows)) if spans is None else _number_spans(rows, spans)
-    rows, number = rows.take(number >= 0), number[number >= 0]
-    first = np.flatnonzero(np.diff(number, prepend=-1))
+    rows, first, times = _cut(rows, spans)
     end = np.append(first[1:], len(rows)) if len(first) else first
     of_row = np.repeat(np.arange(len(first)), end - first)
-    times = np.stack([rows.enter[first], rows.leave[end - 1]], axis=1)
-    if spans is not None:
-        times = np.array([spans[each][1:] for each in number[first].tolist()]).reshape(-1, 2)
-    begins = times[:, 0]
+
+    # Which of them teach which others: by their places in the order of time.
     place = np.empty(len(first), np.int64)
-    place[np.argsort(begins, kind="stable")] = np.arange(len(first))
-    after = place % 2 == 0 if since is None else begins >= since
+    place[np.argsort(times[:, 0], kind="stable")] = np.arange(len(first))
+    after = place % 2 == 0 if since is None else times[:, 0] >= since
     if min(after.sum(), (~after).sum()) < _MIN_TRIPS:
         raise OptionError("there are too few trips to tell what is usual")
 
@@ -155,13 +152,49 @@ def score_own_trips(
         for trip in np.flatnonzero(asked & is_scored).tolist():
             own = np.arange(first[trip], end[trip])
             track = int(rows.track[own[0]])
-            asked_trip = LogTrip(track, float(begins[trip]), float(times[trip, 1]), own, ())
+            begin, over = times[trip].tolist()
+            asked_trip = LogTrip(track, begin, over, own, ())
             scored[trip] = usual.score(asked_trip, rows.ids[track], rows)
         told += _predict(usual, rows, asked[of_row], _MAX_DECISIONS // len(folds))
 
     # All of them.
     found = Unusual(tuple(scored[trip] for trip in sorted(scored)), (), network.plane is not None)
     return OwnTrips(found, _sum_up(told), len(first) - len(scored))
+
+
+def _cut(
+    rows: Traversals, spans: Sequence[tuple[str, float, float]] | None
+) -> tuple[Traversals, Ints, Floats]:
+    """Cut traversals into trips.
+
+    Parameters
+    ----------
+    rows : Traversals
+        With times.
+    spans : sequence of (str, float, float), optional
+        Trips; by default they end with gaps and long stops.
+
+    Returns
+    -------
+    Traversals
+        Those that belong to trips.
+    first : int64 array, shape (m,)
+        First traversal of each trip.
+    times : float64 array, shape (m, 2)
+        Begin and end of each in seconds.
+    """
+    # Gaps and stops.
+    if spans is None:
+        first = np.flatnonzero(_trip_begins(rows))
+        last = np.append(first[1:], len(rows)) - 1
+        return rows, first, np.stack([rows.enter[first], rows.leave[last]], axis=1)
+
+    # Spans, as far as anything was travelled in them.
+    number = _number_spans(rows, spans)
+    rows, number = rows.take(number >= 0), number[number >= 0]
+    first = np.flatnonzero(np.diff(number, prepend=-1))
+    times = np.array([spans[each][1:] for each in number[first].tolist()], np.float64)
+    return rows, first, times.reshape(-1, 2)
 
 
 def _trip_begins(rows: Traversals) -> Mask:
@@ -175,13 +208,19 @@ def _trip_begins(rows: Traversals) -> Mask:
 
 def _number_spans(rows: Traversals, spans: Sequence[tuple[str, float, float]]) -> Ints:
     """Last span with which each traversal has some time in common, shape (n,); -1 for none."""
+    # Spans by their tracks.
+    by_track: dict[str, list[tuple[float, float, int]]] = {}
+    for i, (name, start, end) in enumerate(spans):
+        by_track.setdefault(name, []).append((start, end, i))
+
+    # The last one that begins before each traversal ends.
     number = np.full(len(rows), -1, np.int64)
     bounds = np.searchsorted(rows.track, np.arange(len(rows.ids) + 1)).tolist()
     for track, id in enumerate(rows.ids):
-        own = [(start, end, i) for i, (name, start, end) in enumerate(spans) if name == id]
-        if not own:
+        if id not in by_track:
             continue
-        starts, ends, numbers = (np.array(each) for each in zip(*sorted(own), strict=True))
+        own = sorted(by_track[id])
+        starts, ends, numbers = (np.array(each) for each in zip(*own, strict=True))
         part = slice(bounds[track], bounds[track + 1])
         last = np.searchsorted(starts, rows.leave[part]) - 1
         is_inside = (last >= 0) & (rows.enter[part] < ends[last])

@@ -276,11 +276,7 @@ class Usual:
 
     def _middle_of(self, edge: int) -> tuple[float, ...]:
         """Position of the middle of an edge."""
-        line = self.network.road(edge)
-        along = self.network.along[self.network.offsets[edge] : self.network.offsets[edge + 1]]
-        half = 0.5 * float(along[-1])
-        middle = np.array([np.interp(half, along, axis) for axis in line.T])
-        return _place(middle, self.network.plane)
+        return _place(self.network.middle(edge), self.network.plane)
 
 
 def _place(position: NDArray[np.float64], plane: Plane | None) -> tuple[float, ...]:

@@ -252,7 +252,6 @@ def _list_places(found: Findings) -> list[Numbers] | None:
     if found.trips is None:
         return None
 
-    # A centimetre on the earth is the seventh digit; errors are metres.
     # Six digits of degrees, and one of metres, are a decimetre.
     names = ("x", "y") if not found.trips.geographic else ("lat", "lon")
     digits = 1 if not found.trips.geographic else 6
@@ -337,12 +336,10 @@ def _list_edges(history: History) -> list[Numbers]:
 
 def _middle(network: Network, edge: int) -> Numbers:
     """Position in the middle of an edge."""
-    begin, end = int(network.offsets[edge]), int(network.offsets[edge + 1])
-    along = network.along[begin:end]
-    point = [np.interp(0.5 * along[-1], along, axis) for axis in network.points[begin:end, :2].T]
+    point = network.middle(edge)[:2]
     if network.plane is None:
         return {"x": round(float(point[0]), 1), "y": round(float(point[1]), 1)}
-    lat, lon = to_geographic(np.array([point]), network.plane)
+    lat, lon = to_geographic(point[None], network.plane)
     return {"lat": round(float(lat[0]), 6), "lon": round(float(lon[0]), 6)}
 
 

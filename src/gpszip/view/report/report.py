@@ -6,8 +6,6 @@ import html
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -18,7 +16,7 @@ from gpszip.model.text import count_phrase
 from gpszip.model.timestamps import Times, to_seconds
 from gpszip.view.generator import generator_name
 from gpszip.view.inputs import check_ids, list_tracks, put_on_plane
-from gpszip.view.page import build_page
+from gpszip.view.page import build_frame, build_page
 from gpszip.view.scene import ShownArchive, build_scene
 
 if TYPE_CHECKING:
@@ -28,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["HistoryReport", "build_report", "report"]
 
 #: What stands in the template for the parts of a report, each once.
-_TITLE, _STYLE, _BODY = "<!-- TITLE -->", "/* STYLE */", "<!-- BODY -->"
+_TITLE, _BODY = "<!-- TITLE -->", "<!-- BODY -->"
 
 #: Height of the report in a notebook, in pixels of CSS.
 _HEIGHT = 700
@@ -201,7 +199,8 @@ def build_report(
         f"<footer>{html.escape(generator_name())}. This page is one file. It needs no network, and "
         "the browser lets it reach none.</footer>",
     ]
-    page = _frame().replace(_TITLE, f"<title>{html.escape(name)}</title>")
+    page = build_frame("report.html", ("report.css",), entry=None)
+    page = page.replace(_TITLE, f"<title>{html.escape(name)}</title>")
     page = page.replace(_BODY, "\n".join(body))
     # A lone surrogate, of a file name that is no UTF-8, has no form in the page's encoding.
     return HistoryReport(name, numbers, page.encode("utf-8", "xmlcharrefreplace").decode("utf-8"))
@@ -231,11 +230,3 @@ def _write_contents(sections: Sequence[Section]) -> str:
 def _write_section(section: Section) -> str:
     title = html.escape(section.title)
     return f'<section id="{section.id}"><h2>{title}</h2>{section.body}</section>'
-
-
-@lru_cache(maxsize=1)
-def _frame() -> str:
-    """The template with its style."""
-    assets = files("gpszip.view") / "assets"
-    style = (assets / "report.css").read_text(encoding="utf-8")
-    return (assets / "report.html").read_text(encoding="utf-8").replace(_STYLE, style)

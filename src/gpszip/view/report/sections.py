@@ -316,10 +316,12 @@ def _write_changes(numbers: Numbers, calendar: Calendar) -> str:
             "claimed where nobody came by."
         )
 
-    # The changes.
+    # How many of each kind; where there are very many, of those with most evidence.
     kinds = Counter(change["kind"] for change in changes["rows"])
-    what = join_words([f"{count:,} {kind}" for kind, count in kinds.items()])
-    text = f"Since {since}: {_strong(what)}. {alarms}"
+    what = _strong(join_words([f"{count:,} {kind}" for kind, count in kinds.items()]))
+    if changes["changes"] > len(changes["rows"]):
+        what = f"{_strong(count_text(changes['changes'], 'change'))}, the surest being {what}"
+    text = f"Since {since}: {what}. {alarms}"
     rows = [
         [
             change["kind"] + (f" ×{change['factor']:.2f}" if change["factor"] else ""),
@@ -349,7 +351,7 @@ def _write_unusual(numbers: Numbers, calendar: Calendar) -> str:
         "each bit of a score is a factor of two in probability."
     )
     if unusual["left_out"]:
-        text += f" {count_text(unusual['left_out'], 'earlier trip')} were not scored."
+        text += f" Not scored: {count_text(unusual['left_out'], 'earlier trip')}."
     if not unusual["rows"]:
         return _paragraph(text + " None of them has anything unusual.")
 
@@ -459,17 +461,18 @@ def _write_doubt(numbers: Numbers, calendar: Calendar, remarks: Sequence[str]) -
     travel = numbers["travel"]
     if travel is not None and travel["jumps"]:
         limit = speed_text(travel["max_speed"], fast=_is_fast(numbers))
+        count = count_text(travel["jumps"], "traversal")
         notes.append(
-            f"{count_text(travel['jumps'], 'traversal')} faster than {limit}, four times the speed "
-            "that 95 % of travel keeps, count as jumps of the receiver: no speed is told of them."
+            f"Jumps of the receiver have no speed: {count} faster than {limit}, four times the "
+            "speed that 95 % of travel keeps."
         )
     if numbers["period"] is not None:
         said = calendar.describe()
         notes.append(f"{html.escape(said[:1].upper() + said[1:])}.")
     if trips is not None and trips["unseen"]:
         notes.append(
-            f"{count_text(trips['unseen'], 'change')} of place lie in gaps, so that no trip was "
-            "seen."
+            f"In gaps, {count_text(trips['unseen'], 'change')} of place happened without a trip "
+            "that was seen."
         )
     if trips is not None and trips["doubtful"]:
         notes.append(
