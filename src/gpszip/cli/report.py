@@ -207,5 +207,9 @@ def _print_result(
     # For a person.
     if not quiet:
         text = f"{output_label(target)}: a report of {size / 1e6:.1f} MB"
-        reasons = [f"no {part}: {reason}" for part, reason in told.numbers["cannot_tell"].items()]
+        names = {"unusual": "unusual trips"}
+        reasons = [
+            f"no {names.get(part, part)}: {reason}"
+            for part, reason in told.numbers["cannot_tell"].items()
+        ]
         print_status("; ".join([text, *reasons]))

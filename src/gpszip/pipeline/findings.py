@@ -32,8 +32,11 @@ PARTS = ("trips", "usage", "changes", "unusual", "rounds")
 #: Share of all travel that is before the time from which on changes are sought.
 _BEFORE = 0.75
 
-#: False alarms of closures a day, and in the whole time that is compared, that are accepted.
-_ALARMS_A_DAY, _ALARMS_IN_ALL = 0.2, 1.0
+#: False alarms of closures a day that are accepted, as by ``gpszip changes``.
+_ALARMS_A_DAY = 0.1
+
+#: The same in the whole time that is compared.
+_ALARMS_IN_ALL = 1.0
 
 #: Share of all travel that a usual round tells at least: with less, it is chance.
 _MIN_REGULARITY = 0.5
