@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import io
 import os
 import threading
 from collections.abc import AsyncIterator, Mapping
@@ -84,18 +85,23 @@ async def read_descriptor_chunks(descriptor: int) -> AsyncIterator[bytes | None]
     queue: asyncio.Queue[bytes] = asyncio.Queue()
     space = threading.Semaphore(_QUEUE_CHUNKS)
 
+    # The thread may outlive this loop by one read. It has a descriptor of its own, so that it never
+    # takes what a later reader of the same number waits for.
+    own = os.dup(descriptor)
+
     def read() -> None:
         chunk = b"?"
-        while chunk:
-            space.acquire()
-            try:
-                chunk = os.read(descriptor, 1 << 16)
-            except OSError:  # a terminal that is gone
-                chunk = b""
-            try:
-                loop.call_soon_threadsafe(queue.put_nowait, chunk)
-            except RuntimeError:  # the loop has ended
-                return
+        with io.FileIO(own) as file:
+            while chunk:
+                space.acquire()
+                try:
+                    chunk = file.read(1 << 16) or b""
+                except OSError:  # a terminal that is gone
+                    chunk = b""
+                try:
+                    loop.call_soon_threadsafe(queue.put_nowait, chunk)
+                except RuntimeError:  # the loop has ended
+                    return
 
     # Take what it reads.
     threading.Thread(target=read, daemon=True).start()
