@@ -47,6 +47,7 @@ def raw(*parts, head=HEAD, encoding="utf-8", **request):
     return read_gpx(Source("walk.gpx", data=data), Request(**request))
 
 
+T = "2023-11-14T22:13:20Z"
 A = point(50, 8, "2023-11-14T22:13:20.077Z", "<ele>100.5</ele>")
 B = point(50.00000123, 8, "2023-11-14T23:13:21+01:00")
 C = point(50.1, 8, "2023-11-14T22:15:00")
@@ -67,6 +68,22 @@ def test_height_can_be_kept_by_any_of_its_names():
         heights = read(track([A, B]), keep=[name]).tracks[0].attributes[name]
         assert heights[0] == 100.5
         assert np.isnan(heights[1])
+
+
+def test_heights_that_cant_be_read_leave_the_others():
+    # The first heights of a receiver without a fix; NaN is one that is not known.
+    heights = ["---", "", "NaN", "100.5", "-0.5", "x" * 99]
+    points = [point(50, 8 + i / 1e4, T, f"<ele>{h}</ele>") for i, h in enumerate(heights)]
+    log = raw(track(points), heights=True)
+    assert log.attributes["ele"][[3, 4]].tolist() == [100.5, -0.5]
+    assert np.isnan(log.attributes["ele"][[0, 1, 2, 5]]).all()
+    (repair,) = log.repairs
+    assert (repair.what, repair.count) == ("heights that can't be read left out", 2)
+    assert (repair.where, repair.value) == ("walk.gpx: point 1", "ele '---'")
+
+    # A column that somebody names keeps its texts; without any number there is no height.
+    assert raw(track(points), keep=("ele",)).attributes["ele"][0] == "---"
+    assert raw(track(points[:3]), heights=True).dropped_columns == ("ele",)
 
 
 def test_what_is_not_kept_is_named_and_what_is_not_there_refused():

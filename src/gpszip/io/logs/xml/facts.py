@@ -6,7 +6,7 @@ end of a file. A file that is read in batches is parsed twice: for its facts, th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,6 +67,8 @@ class LogFacts:
         The field to keep for each name that was asked for.
     numbers : frozenset of str
         Fields to keep that are numbers.
+    mixed : frozenset of str
+        Those of them with texts that are no numbers.
     course : str or None
         The field that is the heading.
     present : mapping of str to str
@@ -80,6 +82,7 @@ class LogFacts:
     decimal_comma: bool
     kept: Mapping[str, str]
     numbers: frozenset[str]
+    mixed: frozenset[str]
     course: str | None
     present: Mapping[str, str]
 
@@ -140,8 +143,10 @@ def find_facts(batches: Iterable[LogPoints], source: Source, request: Request) -
     # Decide on columns.
     comma = collected.has_comma and not collected.has_point
     kept = _kept_fields(last.present, request, source.name)
-    kept |= _optional_fields(last.present, request, collected.numbers, comma=comma)
-    numbers = frozenset(field for field in kept.values() if comma in collected.numbers[field])
+    optional = _optional_fields(last.present, request, collected.known_numbers)
+    fields = {*kept.values(), *optional.values()}
+    numbers = frozenset(field for field in fields if comma in collected.numbers[field])
+    mixed = frozenset(optional.values()) - numbers - frozenset(kept.values())
     course = next((name for name in _COURSES if name in collected.known_numbers), None)
     return LogFacts(
         ids=ids,
@@ -149,8 +154,9 @@ def find_facts(batches: Iterable[LogPoints], source: Source, request: Request) -
         is_shape=is_shape,
         has_times=has_times,
         decimal_comma=comma,
-        kept=kept,
-        numbers=numbers,
+        kept=kept | optional,
+        numbers=numbers | mixed,
+        mixed=mixed,
         course=course if request.heading else None,
         present=last.present,
     )
@@ -199,7 +205,10 @@ class _Collected:
     def _add_field(self, name: str, texts: Any) -> None:
         marks = self.numbers.setdefault(name, {False, True})
         unknown = is_unknown_number(texts)
-        for comma in tuple(marks):
+        for comma in (False, True):
+            # A field that has a number, and a text that is none, shows nothing more.
+            if comma not in marks and name in self.known_numbers:
+                continue
             is_finite = np.isfinite(to_floats(texts, comma))
             if is_finite.any():
                 self.known_numbers.add(name)
@@ -282,16 +291,12 @@ def _kept_fields(present: Mapping[str, str], request: Request, where: str) -> di
 
 
 def _optional_fields(
-    present: Mapping[str, str],
-    request: Request,
-    numbers: Mapping[str, set[bool]],
-    *,
-    comma: bool,
+    present: Mapping[str, str], request: Request, known_numbers: Set[str]
 ) -> dict[str, str]:
-    """Return the elements to keep if points have them, and all of their texts are numbers."""
+    """Return the elements to keep where points have them, and some of their texts are numbers."""
     found = {}
     for name in request.optional:
         fields = [field for field in _fields_named(name) if field in present]
-        if fields and comma in numbers[fields[0]]:
+        if fields and fields[0] in known_numbers:
             found[name] = fields[0]
     return found

@@ -5,6 +5,7 @@ What XML holds are texts. They are read column by column, alike for all formats.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError
 from gpszip.io.logs.raw import RawLog, Request, UnreadableCell
-from gpszip.io.logs.xml.facts import LogFacts, find_facts
+from gpszip.io.logs.xml.facts import LogFacts, find_facts, is_unknown_number
 from gpszip.io.logs.xml.log_points import LogPoints
 from gpszip.io.logs.xml.text import ReplacedBytes
 from gpszip.io.storage.source import Source
@@ -112,6 +113,9 @@ class BatchInterpreter:
 
         # Read the fields to keep; shapes are marked as tracks without times.
         first, self._rows = self._rows + 1, self._rows + len(points)
+        attributes = _attributes(points, facts, where)
+        ignored_times = self._ignored_times(points, time_texts, first)
+        unread_heights = self._unread_heights(points, attributes, first)
         return RawLog(
             name=where,
             ids=facts.ids,
@@ -119,12 +123,12 @@ class BatchInterpreter:
             times=times,
             coordinates=coordinates,
             geographic=True,
-            attributes=_attributes(points, facts, where),
+            attributes=attributes,
             first=first,
             row_noun="point",
             ids_are_titles=True,
             dropped_columns=facts.dropped,
-            repairs=self._ignored_times(points, time_texts, first),
+            repairs=(*ignored_times, *unread_heights),
             unreadable=unreadable,
             untimed=frozenset(np.unique(codes[facts.is_shape[codes]]).tolist()),
         )
@@ -141,6 +145,22 @@ class BatchInterpreter:
         value = f"time {_quote(time_texts[first].as_py())}"
         where = f"{self._where}: point {first_row + first}"
         return (Repair(what, len(rows), where, drops=False, value=value),)
+
+    def _unread_heights(
+        self, points: LogPoints, attributes: Mapping[str, NDArray[np.generic]], first_row: int
+    ) -> Iterator[Repair]:
+        """Count heights that are no numbers; columns that somebody named keep their texts."""
+        for name, field in self._facts.kept.items():
+            if field not in self._facts.mixed:
+                continue
+            texts, numbers = points.field(field), attributes[name].astype(np.float64)
+            rows = np.flatnonzero(~np.isfinite(numbers) & ~is_unknown_number(texts))
+            if len(rows):
+                first = int(rows[0])
+                what = "heights that can't be read left out"
+                value = f"{name} {_quote(texts[first].as_py())}"
+                where = f"{self._where}: point {first_row + first}"
+                yield Repair(what, len(rows), where, drops=False, value=value)
 
 
 def replacement_repairs(replaced: ReplacedBytes, where: str) -> tuple[Repair, ...]:
