@@ -308,7 +308,7 @@ def _apart_in_time(
         raise OptionError(
             f"track {name!r} is in {source.name} until {end:.3f} s and in {later_source.name} "
             f"from {start:.3f} s: one agent can't be at two places",
-            remedy=f"{_KEEP_APART}; join puts parts of one archive together again",
+            remedy=f"{_KEEP_APART}; gpszip join puts parts of one archive together again",
         )
     if end < start:
         return before, after
