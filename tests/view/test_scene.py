@@ -91,6 +91,7 @@ def test_samples_stand_beside_their_errors(archive):
     assert shown["max_error"] == pytest.approx(errors.max())
     assert (raw["total"], raw["drawn"], shown["points"]) == (300, 300, 300)
     assert ["Points of the log", "300"] in shown["facts"]
+    assert ["Largest error", shown["max_error"]] in shown["facts"]
 
 
 def test_long_logs_are_thinned_to_their_largest_errors(archive):

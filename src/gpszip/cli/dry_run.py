@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gpszip.model.read_result import ReadResult
     from gpszip.pipeline.estimate import Estimate
 
-__all__ = ["DryRun", "InputFile", "describe_files", "print_dry_run"]
+__all__ = ["DryRun", "InputFile", "describe_files", "print_dry_run", "print_plan"]
 
 #: Files that a person is shown; JSON names them all.
 _MAX_NAMED = 5
@@ -127,12 +127,17 @@ def print_dry_run(dry_run: DryRun, *, as_json: bool) -> None:
         print_json(_facts(dry_run))
         return
 
-    # For a person: losses first, then labels and texts in two columns.
+    # For a person: losses first.
     print_losses(dry_run.read_result)
-    rows = [*_rows_read(dry_run), *_rows_written(dry_run)]
-    width = max(len(label) for label, _ in rows)
+    print_plan([*_rows_read(dry_run), *_rows_written(dry_run)], dry_run.target)
+
+
+def print_plan(rows: Sequence[tuple[str, str]], target: str) -> None:
+    """Print labels and texts in two columns, and that nothing was written."""
+    width = max(len("written"), *(len(label) for label, _ in rows))
     for label, text in rows:
         click.echo(f"{label:<{width}}  {text}")
+    click.echo(f"{'written':<{width}}  nothing: this is a dry run; it would be {target}")
 
 
 def _facts(dry_run: DryRun) -> dict[str, Any]:
@@ -216,7 +221,7 @@ def _rows_written(dry_run: DryRun) -> list[tuple[str, str]]:
         rows.append(("estimate", f"about {format_bytes(size)}, {basis}"))
     if seconds is not None:
         rows.append(("CPU time", f"about {format_duration(float(f'{seconds:.2g}'))}, estimated"))
-    return [*rows, ("written", f"nothing: this is a dry run; it would be {dry_run.target}")]
+    return rows
 
 
 def _numbered(dimension: int) -> list[str]:

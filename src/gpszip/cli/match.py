@@ -13,6 +13,7 @@ from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import (
     Settings,
     common_options,
+    dry_run_option,
     force,
     ignore_oneway,
     network_option,
@@ -86,6 +87,7 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 )
 @time_options
 @robot_options
+@dry_run_option
 @quiet
 @force
 @common_options
@@ -106,6 +108,7 @@ def command(
     columns: str | None,
     time_unit: str | None,
     dates: str | None,
+    dry_run: bool,
     quiet: bool,
     force: bool,
     **reading: Any,
@@ -144,13 +147,13 @@ def command(
             selection=selection,
         )
         roads = read_network(list(network), near=read_result.tracks)
+        scales = {"sigma": sigma, "beta": beta, "gap": gap, "heading": heading}
+        if dry_run:
+            return _dry_run(target, read_result, roads, scales, ignore_oneway, settings)
         matching = match(
             read_result.tracks,
             roads.network,
-            sigma=sigma,
-            beta=beta,
-            gap=gap,
-            heading=heading,
+            **scales,
             ignore_oneway=ignore_oneway,
             progress=listener,
         )
@@ -160,6 +163,23 @@ def command(
     seconds = time.perf_counter() - start
     if settings.json or not quiet:
         _print_result(target, read_result, roads, matching, seconds, settings)
+    return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
+
+
+def _dry_run(
+    target: str,
+    read_result: ReadResult,
+    roads: NetworkReadResult,
+    scales: dict[str, float | None],
+    ignore_oneway: bool,
+    settings: Settings,
+) -> Outcome:
+    """Match the first points, and say what would be done."""
+    from gpszip.cli.plans import print_match_plan
+    from gpszip.pipeline.plans import plan_match
+
+    plan = plan_match(read_result.tracks, roads.network, **scales, ignore_oneway=ignore_oneway)
+    print_match_plan(target, read_result, roads, plan, as_json=settings.json)
     return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
 
 

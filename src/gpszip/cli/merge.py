@@ -12,6 +12,7 @@ from gpszip.cli.engine import engine_options, open_executor
 from gpszip.cli.options import (
     Settings,
     common_options,
+    dry_run_option,
     force,
     output_option,
     quiet,
@@ -61,6 +62,7 @@ __all__ = ["command"]
     help="Leave out archives that can't be read, name them, end with exit code 3.",
 )
 @engine_options
+@dry_run_option
 @quiet
 @force
 @common_options
@@ -79,6 +81,7 @@ def command(
     workers: int | None,
     engine: str | None,
     scheduler: str | None,
+    dry_run: bool,
 ) -> Outcome:
     """Merge every ARCHIVE on one map, without the logs.
 
@@ -99,7 +102,7 @@ def command(
     options = MergeOptions(deviation=deviation, max_deviation=max_deviation, same_id=same_id)
     check_output(target, force=force, binary=True, in_place=True)
     _check_duplicates(archives)
-    from gpszip.pipeline.merge import merge
+    from gpszip.pipeline.merge import merge, plan_merge
 
     # Read and merge.
     bad: dict[str, str] = {}
@@ -107,6 +110,13 @@ def command(
         readable, bad = _read_valid(archives)
     else:
         readable = {name: read_decoded_archive(name) for name in archives}
+    names = _short_names(tuple(readable))
+    if dry_run:
+        from gpszip.cli.plans import print_merge_plan
+
+        plan = plan_merge([*readable.values()], options, names=names)
+        print_merge_plan(target, readable, plan, bad, as_json=settings.json)
+        return Outcome.LEFT_OUT if bad else Outcome.DONE
     with (
         progress_bar(quiet=quiet or settings.json) as listener,
         open_executor(workers, engine, scheduler) as executor,
@@ -114,7 +124,7 @@ def command(
         merged, report = merge(
             [*readable.values()],
             options,
-            names=_short_names(tuple(readable)),
+            names=names,
             executor=executor,
             progress=listener,
         )

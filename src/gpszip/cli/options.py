@@ -16,6 +16,7 @@ __all__ = [
     "archive_argument",
     "check_token",
     "common_options",
+    "dry_run_option",
     "force",
     "ignore_oneway",
     "map_option",
@@ -117,6 +118,12 @@ def network_option(command: F) -> F:
         help=text,
         shell_complete=complete_files(),
     )(command)
+
+
+def dry_run_option(command: F) -> F:
+    """Add the option --dry-run to a command that says what it would do."""
+    text = "Say what would be read and done; write nothing."
+    return click.option("--dry-run", is_flag=True, help=text)(command)
 
 
 def seed_option(of: str) -> Callable[[F], F]:

@@ -13,6 +13,7 @@ from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import (
     Settings,
     common_options,
+    dry_run_option,
     force,
     ignore_oneway,
     network_option,
@@ -65,6 +66,7 @@ _TEXT_SUFFIXES = (".csv", ".tsv", ".txt", "-")
 )
 @time_options
 @robot_options
+@dry_run_option
 @quiet
 @force
 @common_options
@@ -83,6 +85,7 @@ def command(
     columns: str | None,
     time_unit: str | None,
     dates: str | None,
+    dry_run: bool,
     quiet: bool,
     force: bool,
     **robot: Any,
@@ -113,6 +116,14 @@ def command(
         skip_bad=skip_bad,
     )
     roads = read_network(list(network), near=read_result.tracks)
+
+    if dry_run:
+        from gpszip.cli.plans import print_patch_plan
+        from gpszip.pipeline.plans import plan_patch
+
+        plan = plan_patch(read_result.tracks, roads.network, gap=gap)
+        print_patch_plan(target, read_result, roads, plan, as_json=settings.json)
+        return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
 
     # Fill the gaps, and write; of a CSV log, all rows are written again.
     patching = patch(read_result.tracks, roads.network, gap=gap, ignore_oneway=ignore_oneway)

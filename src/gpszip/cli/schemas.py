@@ -971,10 +971,59 @@ _ROLLED = _object(
     }
 )
 
+_PLAN_ON_ROADS: Fields = {
+    "dry_run": {"const": True, "description": "nothing was written"},
+    "output": "string: the file that would be written",
+    "bytes_in": "integer: size of the logs as stored",
+    "points": "integer: samples of the log",
+    "tracks": "integer: its tracks",
+    "roads": "integer: roads near the log",
+    "roads_read": "integer: roads of the network",
+    **_READ,
+}
+
+_MATCH_PLAN: Fields = {
+    "sampled": "integer: samples at the starts of tracks that were matched for the estimate",
+    "matched": "integer: how many of these are on roads",
+    "error": "number: scale of their distance to the roads in metres",
+    "cpu_seconds": "number: CPU time to match all samples, estimated",
+}
+
+_PATCH_PLAN: Fields = {
+    "gap": "number|null: longer intervals, in seconds, are gaps; null for none",
+    "gaps": "integer: gaps that would be filled or left open",
+    "seconds": "number: all of them together",
+}
+
+_MERGE_PLAN: Fields = {
+    "dry_run": {"const": True, "description": "nothing was written"},
+    "output": "string: the file that would be written",
+    "archives": _list(
+        _object(
+            {
+                "name": "string: the archive",
+                "bytes": "integer: its size",
+                "tracks": "integer: its tracks",
+            }
+        ),
+        "the archives",
+    ),
+    "bytes_in": "integer: size of all archives",
+    "allowed": "number: metres by which tracks may be moved",
+    "allowed_kind": "string: rms or max",
+    "bound_at_most_m": "number|null: about the largest error bound in metres that the result may "
+    "state; null if that is not known before",
+    **_NOTES,
+    "left_out": {"type": "object", "description": "archives that were left out, and why"},
+}
+
 #: Fields of each command's output, and those that may be missing.
 _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
     "compress": ({**_OUTPUT, **_COMPRESSION}, {}),
     "compress --dry-run": (_DRY_RUN, {}),
+    "match --dry-run": ({**_PLAN_ON_ROADS, **_MATCH_PLAN}, {}),
+    "patch --dry-run": ({**_PLAN_ON_ROADS, **_PATCH_PLAN}, {}),
+    "merge --dry-run": (_MERGE_PLAN, {}),
     "compress --stream": ({**_OUTPUT, **_STREAM}, {}),
     "decompress": (
         {

@@ -28,7 +28,7 @@ from gpszip.matching.speeds import (
 from gpszip.model import Network, Patch, Patching, Track
 from gpszip.model.match import Match
 
-__all__ = ["patch"]
+__all__ = ["find_all_gaps", "patch"]
 
 # Costs of a path.
 
@@ -192,13 +192,10 @@ def patch(
     """
     # Find the gaps; a log without any stays as it is, and is not matched.
     log = [tracks] if isinstance(tracks, Track) else list(tracks)
-    _check(log, network)
+    gap, long_intervals = find_all_gaps(log, network, gap)
     if ignore_oneway:
         network = network.two_way()
-    gap = estimate_gap(log) if gap is None else gap
-    if not gap > 0:
-        raise OptionError(f"a gap of {gap:g} s; it must be a positive number of seconds")
-    if not any(find_long_intervals(track.times, gap).any() for track in log):
+    if not any(map(np.any, long_intervals)):
         return Patching(tuple(log), (), gap)
 
     # Roads of the log, and how its agents move.
@@ -215,7 +212,7 @@ def patch(
     finder, nearby_roads = PathFinder(network), NearbyRoads(network)
     patches: list[Patch] = []
     for number, (track, matched) in enumerate(zip(log, matches, strict=True)):
-        gaps = np.flatnonzero(find_long_intervals(track.times, gap))
+        gaps = np.flatnonzero(long_intervals[number])
         if not len(gaps):
             continue
         filler = _GapFiller(finder, nearby_roads, track, matched, motion[number], slowness, gap)
@@ -225,6 +222,27 @@ def patch(
             for after in gaps
         ]
     return Patching(tuple(log), tuple(patches), gap)
+
+
+def find_all_gaps(
+    tracks: Sequence[Track], network: Network, gap: float | None = None
+) -> tuple[float, list[NDArray[np.bool_]]]:
+    """Find the gaps that patching would try to fill.
+
+    Parameters and exceptions are those of :func:`patch`.
+
+    Returns
+    -------
+    float
+        Seconds above which an interval is a gap.
+    list of bool array, shape (n - 1,)
+        Which intervals of each track are gaps.
+    """
+    _check(tracks, network)
+    gap = estimate_gap(tracks) if gap is None else gap
+    if not gap > 0:
+        raise OptionError(f"a gap of {gap:g} s; it must be a positive number of seconds")
+    return gap, [find_long_intervals(track.times, gap) for track in tracks]
 
 
 def _check(tracks: Sequence[Track], network: Network) -> None:

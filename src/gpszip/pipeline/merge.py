@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ from gpszip.pipeline.merge_sources import (
 from gpszip.run.executor import Executor
 from gpszip.walks.shapes import assign_times_by_distance, drop_time_steps
 
-__all__ = ["merge"]
+__all__ = ["MergePlan", "merge", "plan_merge"]
 
 #: Multiple of the limit by which tracks may be moved in any number of merges.
 _TOTAL_LIMITS = 4.0
@@ -45,6 +45,57 @@ _SHAPE_SHARES = (1.0, 0.6, 0.3, 0.1)
 
 #: Relative excess up to which a limit counts as held: the rounding of the measurement.
 _ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class MergePlan:
+    """How far a merge may move tracks, and what it would state.
+
+    Parameters
+    ----------
+    limit : float
+        Metres by which tracks may be moved.
+    maximum : bool
+        Whether that holds at any time, rather than for the root mean square.
+    bound : float or None
+        Metres of the error bound afterwards, at most; None if an archive states none, or if it
+        can't be told before.
+    bound_is_maximum : bool
+        Whether that bound holds for every sample.
+    notes : tuple of str
+        What the user should know.
+    """
+
+    limit: float
+    maximum: bool
+    bound: float | None
+    bound_is_maximum: bool
+    notes: tuple[str, ...]
+
+
+def plan_merge(
+    archives: Sequence[Archive],
+    options: MergeOptions | None = None,
+    *,
+    names: Sequence[str] | None = None,
+) -> MergePlan:
+    """Say how far a merge may move tracks, and what it would state.
+
+    Parameters and exceptions are those of :func:`merge`.
+    """
+    # What is allowed, and whether tracks can be joined at all.
+    names = [str(number) for number in range(1, len(archives) + 1)] if names is None else names
+    options = options or MergeOptions()
+    _check(archives, names)
+    limit, notes = _limit(archives, names, options)
+    read_sources(archives, names, options, range(len(archives)))
+
+    # Only a limit of the maximum adds to bounds of the maximum.
+    bounds = [archive.error_bound for archive in archives if archive.error_bound is not None]
+    maximum = len(bounds) == len(archives) and all(bound.maximum for bound in bounds)
+    known = len(bounds) == len(archives) and (limit.maximum or not maximum)
+    largest = max((bound.metres for bound in bounds), default=0.0) + limit.metres
+    return MergePlan(limit.metres, limit.maximum, largest if known else None, maximum, notes)
 
 
 def merge(

@@ -27,8 +27,8 @@ _PARTS = {
 _MAX_KNOTS = 200_000
 
 
-def archive_facts(archive: Archive, samples: Samples | None) -> list[list[str]]:
-    """Label and text of each row of the table of numbers.
+def archive_facts(archive: Archive, samples: Samples | None) -> list[list[str | float]]:
+    """Label and text of each row of the table of numbers; a number is a length in metres.
 
     Parameters
     ----------
@@ -37,38 +37,37 @@ def archive_facts(archive: Archive, samples: Samples | None) -> list[list[str]]:
     samples : Samples or None
         All samples of the log, where it is given.
     """
-    # What is stored.
-    facts = archive.info(decode=True)
-    rows = [["Bytes", f"{facts['bytes']:,}"], ["Tracks", f"{facts['tracks']:,}"]]
-    if facts["error_bound_m"] is not None:
-        rows.append(["Bound", str(archive.error_bound)])
-    rows += [
-        ["Nodes", f"{facts['nodes']:,}"],
-        ["Edges", f"{facts['edges']:,}"],
-        ["Segments", f"{facts['segments']:,}"],
-        ["Gaps", f"{facts['gaps']:,}"],
-        ["Position step", _length(step_size(archive.grid.space))],
+    # What is stored. Waypoints, which info counts, too, take a while for thousands of tracks.
+    bound, walks = archive.error_bound, archive.walks
+    rows: list[list[str | float]] = [
+        ["Bytes", f"{archive.size:,}"],
+        ["Tracks", f"{len(archive.ids):,}"],
     ]
-    if facts["timed"]:
+    if bound is not None:
+        rows.append([f"{'Error' if bound.maximum else 'RMSE'} at most", bound.metres])
+        if bound.max_error is not None and not bound.maximum:
+            rows.append(["Error at most", bound.max_error])
+    rows += [
+        ["Nodes", f"{len(archive.road_map.nodes):,}"],
+        ["Edges", f"{len(archive.road_map.edges):,}"],
+        ["Segments", f"{sum(len(walk.gaps) for walk in walks):,}"],
+        ["Gaps", f"{sum(int(walk.gaps.sum()) for walk in walks):,}"],
+        ["Position step", step_size(archive.grid.space)],
+    ]
+    if archive.timed:
         rows.append(["Time step", f"{step_size(archive.grid.time):.3g} s"])
 
     # What was measured.
     if samples is None:
         return rows
     rows.append(["Points of the log", f"{samples.total:,}"])
-    if facts["bytes"]:
-        rows.append(["Bits per point", f"{8 * facts['bytes'] / max(samples.total, 1):.3g}"])
+    rows.append(["Bits per point", f"{8 * archive.size / max(samples.total, 1):.3g}"])
     if samples.rmse is not None and samples.max_error is not None:
-        rows.append(["RMSE", _length(samples.rmse)])
-        rows.append(["Largest error", _length(samples.max_error)])
+        rows += [["RMSE", samples.rmse], ["Largest error", samples.max_error]]
     without = int(np.isnan(samples.errors).sum())
     if without:
         rows.append(["Points without an error", f"{without:,}"])
     return rows
-
-
-def _length(metres: float) -> str:
-    return f"{metres:.3g} m"
 
 
 def bytes_by_part(archive: Archive) -> list[list[str | int]]:

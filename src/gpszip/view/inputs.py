@@ -101,4 +101,9 @@ def put_on_plane(tracks: Sequence[Track], archive: Archive) -> tuple[Track, ...]
     """
     check_coordinates(tracks, archive)
     plane = archive.grid.plane
-    return tuple(track if plane is None else reproject_track(track, plane) for track in tracks)
+    if plane is None:
+        return tuple(tracks)
+    try:
+        return tuple(reproject_track(track, plane) for track in tracks)
+    except OptionError as error:
+        raise OptionError(error.reason, remedy="give the log that was compressed") from error

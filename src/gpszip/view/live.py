@@ -21,7 +21,8 @@ def build_live_page() -> str:
     >>> "connect-src 'self'" in page, "<!-- SCENE -->" in page
     (True, False)
     """
-    return build_frame("live.html", ("page.css", "live.css"), "live.js")
+    page = build_frame("live.html", ("page.css", "live.css"), "live.js", connect="'self'")
+    return page.replace("<!-- TITLE -->", "<title>Live positions</title>")
 
 
 def build_live_scene(archive: str | os.PathLike[str] | None) -> bytes:

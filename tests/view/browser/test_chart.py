@@ -139,3 +139,5 @@ def test_units(fleet_page):
     assert float(value) == pytest.approx(metric / 1609.344, rel=1e-2)
     fleet_page.choose("units", "nm")
     assert fleet_page.table("track-facts")["Mean speed"].endswith(" kn")
+    fleet_page.choose("units", "mi")
+    assert fleet_page.table("numbers")["RMSE at most"] == "26.2 ft"  # 8 m

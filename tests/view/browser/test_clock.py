@@ -138,7 +138,9 @@ def test_no_agent_is_drawn_in_a_gap(fleet_page):
     assert fleet_page.pixels("#d55e00", overlay=True) > 40
     fleet_page.fill("where-time", "22:20")
     assert fleet_page.pixels("#d55e00", overlay=True) == 0
-    assert fleet_page.text("where-answer").endswith("no track has a position.")
+    assert fleet_page.text("where-answer").endswith(
+        "no track has a position. Last before: 2023-11-14 22:18:17. Next: 2023-11-14 22:23:20."
+    )
 
 
 def test_gaps_are_skipped_while_playing(fleet_page):

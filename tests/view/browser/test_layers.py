@@ -89,6 +89,23 @@ def test_colours_have_legends(fleet_page):
     assert fleet_page.errors() == []
 
 
+def test_colours_of_samples_lie_above_the_map(fleet_page):
+    """Below it, the map would hide nearly all of them."""
+    second = "#e69f00"  # colour of the second track
+    fleet_page.choose("colour", "track")
+    above_map = fleet_page.pixels(second)
+    fleet_page.press("3")
+    assert above_map == fleet_page.pixels(second) > 200
+
+
+def test_colours_of_tracks_show_the_tracks_where_there_are_no_samples(fleet_page):
+    fleet_page.press("1")
+    fleet_page.choose("colour", "traversals")
+    assert not fleet_page.element("layer-tracks").is_selected()
+    fleet_page.choose("colour", "speed")
+    assert fleet_page.element("layer-tracks").is_selected()
+
+
 def test_a_chosen_track_makes_the_others_dim(fleet_page):
     fleet_page.press("1", "3", "2")
     all_tracks = fleet_page.pixels(LAYERS["2"])

@@ -48,3 +48,17 @@ def test_numbers_of_both_are_listed(pair_page):
     assert captions == ["a.gpsz", "b.gpsz"]
     pair_page.press(Keys.ENTER)
     assert pair_page.errors() == []
+
+
+def test_two_maps_are_printed_side_by_side(pair_page):
+    """Paper is as narrow as windows in which one map is below the other."""
+    metrics = {"width": 700, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    direction = "return getComputedStyle(document.getElementById('panes')).flexDirection"
+    pair_page.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    try:
+        assert pair_page.run(direction) == "column"
+        pair_page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+        assert pair_page.run(direction) == "row"
+    finally:
+        pair_page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+        pair_page.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})

@@ -37,6 +37,14 @@ export async function decodeBlock(block) {
 }
 
 /**
+ * Unpack a text.
+ * @param {string} data base64 of a raw deflate stream
+ */
+export async function unpackText(data) {
+  return new TextDecoder().decode(await inflate(fromBase64(data)));
+}
+
+/**
  * Unfold integers in place: 0, 1, 2, 3, 4 become 0, -1, 1, -2, 2.
  * @param {Float64Array} values
  * @param {boolean} hasNan whether 0 stands for NaN, and others are one too large

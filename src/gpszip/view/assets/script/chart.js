@@ -3,60 +3,27 @@
  *
  * @typedef {import("./map.js").App} App
  * @typedef {import("./series.js").Series} Series
- *
- * @typedef {object} Plot Where the chart draws.
- * @property {HTMLCanvasElement} canvas
- * @property {HTMLCanvasElement} overlay
- * @property {number} width CSS pixels
- * @property {number} height
- * @property {number} ratio
+ * @typedef {import("./curves.js").Plot} Plot
  */
 
-import { clockEpoch } from "./clock.js";
-import { UNITS, formatLength, formatNumber, lengthUnit, niceStep } from "./format.js";
+import { clockEpoch, clockShift, clockTracks } from "./clock.js";
+import { CHART_MARGIN, drawSeries, partRange, timeToX } from "./curves.js";
+import { UNITS, formatLength, formatNumber, formatSpeed, lengthUnit, niceStep } from "./format.js";
 import { THEMES } from "./colours.js";
 import { chartKinds, chartSeries } from "./series.js";
 import { formatTime, timeTicks } from "./times.js";
-import { lastAtMost } from "./walks.js";
-
-/** CSS pixels around the plot. */
-const CHART_MARGIN = { left: 52, right: 14, top: 10, bottom: 22 };
-
-/** Values of a series that are drawn one by one at most; of more, the extremes of each pixel. */
-const MAX_SINGLE = 5000;
+import { lastAtMost, measureWalk, usualTop } from "./walks.js";
 
 /** Share of the time whose speeds fit into the chart, and by how much more: the rest is noise. */
 const SHOWN_SHARE = 0.995;
 const SHOWN_FACTOR = 1.5;
 
-/** Opacity of samples behind the walks. */
-const RAW_OPACITY = 0.55;
-
 /** CSS pixels between ticks of the time axis, and between values, about. */
 const TICK_PIXELS = 110;
 const VALUE_PIXELS = 34;
 
-/**
- * Horizontal place of a time.
- * @param {Plot} plot
- * @param {[number, number]} domain
- * @param {number} time
- */
-function timeToX(plot, domain, time) {
-  const inner = plot.width - CHART_MARGIN.left - CHART_MARGIN.right;
-  return CHART_MARGIN.left + ((time - domain[0]) / (domain[1] - domain[0])) * inner;
-}
-
-/**
- * Time of a horizontal place.
- * @param {Plot} plot
- * @param {[number, number]} domain
- * @param {number} x CSS pixels
- */
-export function xToTime(plot, domain, x) {
-  const inner = plot.width - CHART_MARGIN.left - CHART_MARGIN.right;
-  return domain[0] + ((x - CHART_MARGIN.left) / inner) * (domain[1] - domain[0]);
-}
+/** CSS pixels from the line of the highest number down to the foot of the unit. */
+const UNIT_PIXELS = 17;
 
 /**
  * @param {HTMLCanvasElement} canvas
@@ -96,16 +63,30 @@ export function drawChart(app, plot) {
   for (const each of series) drawSeries(app, plot, ctx, each, toY);
   if (chart === "error") drawRmse(app, plot, ctx, toY);
   ctx.restore();
+  if (chart === "speed") drawHigher(app, plot, ctx, topSpeed(app), range[1]);
+}
 
-  // The unit, above what it may cover.
-  const [, sign] = valueUnit(app, chart, app.store.state.units, range);
-  ctx.font = "11px system-ui, sans-serif";
+/**
+ * Say how far values go above the chart, if they do.
+ * @param {App} app
+ * @param {Plot} plot
+ * @param {CanvasRenderingContext2D} ctx
+ * @param {number} highest metres a second
+ * @param {number} shown metres a second at the top of the chart
+ */
+function drawHigher(app, plot, ctx, highest, shown) {
+  if (highest <= shown) return;
+  const { theme, units } = app.store.state;
+  const text = `\u2191 up to ${formatSpeed(highest, units)}`;
+  ctx.globalAlpha = 1;
+  ctx.textAlign = "right";
   ctx.lineWidth = 4;
   ctx.strokeStyle = THEMES[theme].paper;
-  ctx.fillStyle = THEMES[theme].muted;
-  ctx.globalAlpha = 1;
-  ctx.strokeText(sign, CHART_MARGIN.left + 6, CHART_MARGIN.top + 6);
-  ctx.fillText(sign, CHART_MARGIN.left + 6, CHART_MARGIN.top + 6);
+  ctx.fillStyle = THEMES[theme].ink;
+  const right = plot.width - CHART_MARGIN.right - 6;
+  ctx.strokeText(text, right, CHART_MARGIN.top + 4);
+  ctx.fillText(text, right, CHART_MARGIN.top + 4);
+  ctx.textAlign = "left";
 }
 
 /**
@@ -143,19 +124,6 @@ function drawRmse(app, plot, ctx, toY) {
 }
 
 /**
- * Numbers of a part's values in a range of times; for lines with one more on each side.
- * @param {Series} series
- * @param {import("./series.js").Part} part
- * @param {[number, number]} domain
- * @returns {[number, number]}
- */
-function partRange({ time }, { from, to, shift }, domain) {
-  const first = lastAtMost(time, domain[0] + shift, from, to);
-  const last = lastAtMost(time, domain[1] + shift, from, to);
-  return [Math.max(first, from), Math.min(last + 2, to)];
-}
-
-/**
  * Range of the vertical axis.
  * @param {Series[]} series
  * @param {[number, number]} domain
@@ -166,7 +134,8 @@ function verticalRange(series, domain, chart) {
   let [low, high] = [Infinity, -Infinity];
   for (const each of series) {
     if (chart === "speed") {
-      if (each.kind === "step") high = Math.max(high, usualTop(each, domain) * SHOWN_FACTOR);
+      if (each.kind !== "step") continue;
+      high = Math.max(high, usualTop(stepsOf(each, domain), SHOWN_SHARE) * SHOWN_FACTOR);
       continue;
     }
     for (const part of each.parts) {
@@ -185,28 +154,38 @@ function verticalRange(series, domain, chart) {
 }
 
 /**
- * Value of a step series that is exceeded for a small share of the time only.
+ * Values of a step series, and the seconds for which each holds.
  * @param {Series} series
  * @param {[number, number]} domain
  */
-function usualTop(series, domain) {
-  /** @type {[number, number][]} */
-  const steps = [];
-  let total = 0;
-  for (const part of series.parts) {
+function stepsOf(series, domain) {
+  return series.parts.flatMap((part) => {
     const [from, to] = partRange(series, part, domain);
-    for (let k = Math.max(from, part.from + 1); k < to; k++) {
-      if (Number.isNaN(series.value[k])) continue;
-      steps.push([series.value[k], series.time[k] - series.time[k - 1]]);
-      total += series.time[k] - series.time[k - 1];
+    const first = Math.max(from, part.from + 1);
+    return Array.from(series.value.subarray(first, to), (value, i) => ({
+      value,
+      duration: series.time[first + i] - series.time[first + i - 1],
+    }));
+  });
+}
+
+/**
+ * Largest speed in the chart, without jumps of the receiver.
+ * @param {App} app
+ */
+function topSpeed(app) {
+  const [start, end] = app.store.state.domain;
+  let fastest = 0;
+  for (const archive of app.scene.archives) {
+    for (const track of clockTracks(app, archive)) {
+      const shift = clockShift(app, archive, track);
+      fastest = Math.max(
+        fastest,
+        measureWalk(archive, track, [start + shift, end + shift]).fastest,
+      );
     }
   }
-
-  // From the top until the share is used up.
-  steps.sort((a, b) => b[0] - a[0]);
-  let above = 0;
-  const top = steps.find(([, duration]) => (above += duration) > total * (1 - SHOWN_SHARE));
-  return top ? top[0] : 0;
+  return fastest;
 }
 
 /**
@@ -220,7 +199,7 @@ function usualTop(series, domain) {
 function drawValueAxis(app, plot, ctx, range, toY) {
   const { chart, units, theme } = app.store.state;
   const bottom = plot.height - CHART_MARGIN.bottom;
-  const [size] = valueUnit(app, chart, units, range);
+  const [size, sign] = valueUnit(app, chart, units, range);
   const count = Math.max((bottom - CHART_MARGIN.top) / VALUE_PIXELS, 2);
   const step = niceStep((range[1] - range[0]) / size, count);
   ctx.font = "11px system-ui, sans-serif";
@@ -228,6 +207,7 @@ function drawValueAxis(app, plot, ctx, range, toY) {
   ctx.strokeStyle = THEMES[theme].grid;
   ctx.fillStyle = THEMES[theme].muted;
   ctx.lineWidth = 1;
+  let highest = CHART_MARGIN.top;
   for (let i = Math.ceil(range[0] / size / step); i * step * size <= range[1]; i++) {
     const y = Math.round(toY(i * step * size)) + 0.5;
     ctx.beginPath();
@@ -235,7 +215,11 @@ function drawValueAxis(app, plot, ctx, range, toY) {
     ctx.lineTo(plot.width - CHART_MARGIN.right, y);
     ctx.stroke();
     ctx.fillText(formatNumber(Math.round(i * step * 1e9) / 1e9, 5), CHART_MARGIN.left - 8, y + 4);
+    highest = y;
   }
+
+  // The unit, below the highest number.
+  ctx.fillText(sign, CHART_MARGIN.left - 8, highest + UNIT_PIXELS);
   ctx.textAlign = "left";
 }
 
@@ -299,118 +283,6 @@ function valueUnit(app, chart, units, range) {
   if (unit === "length")
     return lengthUnit(Math.max(Math.abs(range[0]), Math.abs(range[1])) / 4, units);
   return [1, ""];
-}
-
-/**
- * Draw a series: value by value, or the extremes of each pixel.
- * @param {App} app
- * @param {Plot} plot
- * @param {CanvasRenderingContext2D} ctx
- * @param {Series} series
- * @param {(value: number) => number} toY
- */
-function drawSeries(app, plot, ctx, series, toY) {
-  const { domain, theme } = app.store.state;
-  const ranges = series.parts.map((part) => partRange(series, part, domain));
-  const count = ranges.reduce((sum, [from, to]) => sum + Math.max(to - from, 0), 0);
-  ctx.fillStyle = ctx.strokeStyle = THEMES[theme][series.colour];
-  ctx.globalAlpha = series.colour === "raw" ? RAW_OPACITY : 1;
-  ctx.lineWidth = 1.5;
-  ctx.lineJoin = "round";
-  const isCloud = series.kind === "cloud";
-  if (count > MAX_SINGLE && !isCloud) return drawExtremes(plot, ctx, series, ranges, domain, toY);
-  if (isCloud || series.kind === "dots") {
-    const every = isCloud ? Math.ceil(count / MAX_SINGLE) : 1;
-    return drawDots(plot, ctx, series, ranges, domain, toY, every);
-  }
-
-  // A path that is broken where a value is unknown.
-  ctx.beginPath();
-  series.parts.forEach(({ shift, from }, i) => {
-    let isDown = false;
-    for (let k = ranges[i][0]; k < ranges[i][1]; k++) {
-      if (series.joined && !series.joined[k]) isDown = false;
-      const x = timeToX(plot, domain, series.time[k] - shift);
-      const y = toY(series.value[k]);
-      if (series.kind === "line") isDown = addPoint(ctx, x, y, isDown);
-      else if (k > from) {
-        isDown = addPoint(ctx, timeToX(plot, domain, series.time[k - 1] - shift), y, isDown);
-        isDown = addPoint(ctx, x, y, isDown);
-      }
-    }
-  });
-  ctx.stroke();
-}
-
-/**
- * Draw values as dots.
- * @param {Plot} plot
- * @param {CanvasRenderingContext2D} ctx
- * @param {Series} series
- * @param {[number, number][]} ranges
- * @param {[number, number]} domain
- * @param {(value: number) => number} toY
- * @param {number} every draw one of so many values
- */
-function drawDots(plot, ctx, series, ranges, domain, toY, every) {
-  ctx.beginPath();
-  series.parts.forEach(({ shift }, i) => {
-    for (let k = ranges[i][0]; k < ranges[i][1]; k += every) {
-      const x = timeToX(plot, domain, series.time[k] - shift);
-      ctx.rect(x - 1, toY(series.value[k]) - 1, 2, 2);
-    }
-  });
-  ctx.fill();
-}
-
-/**
- * Add a point to a path.
- * @param {CanvasRenderingContext2D} ctx
- * @param {number} x
- * @param {number} y NaN breaks the path
- * @param {boolean} isDown whether a line leads here
- * @returns {boolean} whether a line leads on
- */
-function addPoint(ctx, x, y, isDown) {
-  if (Number.isNaN(y)) return false;
-  if (isDown) ctx.lineTo(x, y);
-  else ctx.moveTo(x, y);
-  return true;
-}
-
-/**
- * Draw a bar from the smallest to the largest value of each pixel of the time axis.
- * @param {Plot} plot
- * @param {CanvasRenderingContext2D} ctx
- * @param {Series} series
- * @param {[number, number][]} ranges
- * @param {[number, number]} domain
- * @param {(value: number) => number} toY
- */
-function drawExtremes(plot, ctx, series, ranges, domain, toY) {
-  const columns = Math.ceil(plot.width) + 1;
-  const low = new Float64Array(columns).fill(Infinity);
-  const high = new Float64Array(columns).fill(-Infinity);
-  series.parts.forEach(({ shift }, i) => {
-    for (let k = ranges[i][0]; k < ranges[i][1]; k++) {
-      const value = series.value[k];
-      if (Number.isNaN(value)) continue;
-
-      // A step covers all pixels since the number before.
-      const end = Math.floor(timeToX(plot, domain, series.time[k] - shift));
-      const hasStart = series.kind === "step" && k > 0;
-      const start = hasStart ? Math.floor(timeToX(plot, domain, series.time[k - 1] - shift)) : end;
-      for (let x = Math.max(start, 0); x <= Math.min(end, columns - 1); x++) {
-        if (value < low[x]) low[x] = value;
-        if (value > high[x]) high[x] = value;
-      }
-    }
-  });
-  for (let x = 0; x < columns; x++) {
-    if (low[x] > high[x]) continue;
-    const top = toY(high[x]) - 0.75;
-    ctx.fillRect(x, top, 1, Math.max(toY(low[x]) + 0.75 - top, 1.5));
-  }
 }
 
 /**

@@ -2,10 +2,10 @@
  * Mouse, touch and wheel on the chart: the clock, ranges, zoom.
  *
  * @typedef {import("./map.js").App} App
- * @typedef {import("./chart.js").Plot} Plot
+ * @typedef {import("./curves.js").Plot} Plot
  */
 
-import { xToTime } from "./chart.js";
+import { xToTime } from "./curves.js";
 import { clockExtent, setClock } from "./clock.js";
 
 /** CSS pixels from which a drag is a range. */

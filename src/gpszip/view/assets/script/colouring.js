@@ -24,20 +24,25 @@ import { CATEGORIES, DIM, OWN, RAMP_SIZE, makeRamp } from "./colours.js";
 import { formatCount, formatCountOf, formatLength, formatSpeed } from "./format.js";
 import { ALL_HOURS, mostTraversals, usageValues } from "./history.js";
 import { formatTime, zoneOffset } from "./times.js";
-import { lastAtMost, segmentSpeed } from "./walks.js";
+import { lastAtMost, segmentSpeed, usualTop } from "./walks.js";
 
-/** What colours may stand for. */
-const COLOURS = {
-  layer: "Layer",
+/** What colours of samples and tracks may stand for. */
+export const TRACK_COLOURS = {
   track: "Track",
   speed: "Speed",
   error: "Error",
   time: "Time",
   hour: "Time of day",
+  direction: "Direction",
+};
+
+/** What colours may stand for. */
+const COLOURS = {
+  layer: "Layer",
+  ...TRACK_COLOURS,
   traversals: "Traversals",
   use: "Traversals by hour",
   pace: "Speed by hour",
-  direction: "Direction",
 };
 
 /** Share of the values that a ramp reaches; those above have its last colour. */
@@ -45,6 +50,9 @@ const RAMP_SHARE = 0.98;
 
 /** Values that are sorted at most to find this share. */
 const SORTED_VALUES = 20000;
+
+/** Seconds over which speeds of samples are measured at least: of less, noise is what remains. */
+const SPEED_SECONDS = 0.5;
 
 /** Tracks that a legend names at most. */
 const NAMED_TRACKS = 6;
@@ -99,7 +107,7 @@ export function colourScene(scene, state) {
   const chosen = archives.map((archive, i) =>
     chosenValues(values[i], plainClasses(archive, state)),
   );
-  const [low, high] = valueRange(chosen.flat(), scene, state);
+  const [low, high] = valueRange(chosen, scene, state);
   const isCircle = state.colour === "hour" || state.colour === "direction";
   const ramp = makeRamp(
     isCircle ? "cycle" : state.colour === "time" ? "cividis" : "viridis",
@@ -243,29 +251,31 @@ function valuesOf(archive, state) {
  * Values of what is not dim; NaN for the rest.
  * @param {Partial<Record<keyof Classes, Float64Array>>} values
  * @param {Classes} classes
- * @returns {Float64Array[]}
+ * @returns {Partial<Record<keyof Classes, Float64Array>>}
  */
 function chosenValues(values, classes) {
-  return /** @type {(keyof Classes)[]} */ (Object.keys(values)).map((key) => {
+  const chosen = /** @type {(keyof Classes)[]} */ (Object.keys(values)).map((key) => {
     const ofKey = /** @type {Float64Array} */ (values[key]);
     return classes[key].includes(DIM)
-      ? ofKey.map((value, i) => (classes[key][i] === DIM ? NaN : value))
-      : ofKey;
+      ? [key, ofKey.map((value, i) => (classes[key][i] === DIM ? NaN : value))]
+      : [key, ofKey];
   });
+  return Object.fromEntries(chosen);
 }
 
 /**
- * Speeds of samples from the one before, in metres a second.
+ * Speeds of samples since the last one that is old enough, in metres a second.
  * @param {import("./scene.js").Raw} raw
  */
 export function sampleSpeeds(raw) {
   const speeds = new Float64Array(raw.x.length).fill(NaN);
-  for (let i = 1; i < speeds.length; i++) {
-    const duration = raw.time[i] - raw.time[i - 1];
-    if (raw.track[i] !== raw.track[i - 1] || !raw.tracks.timed[raw.track[i]] || duration <= 0)
-      continue;
-    const height = raw.z ? raw.z[i] - raw.z[i - 1] : 0;
-    speeds[i] = Math.hypot(raw.x[i] - raw.x[i - 1], raw.y[i] - raw.y[i - 1], height) / duration;
+  for (let i = 1, j = 0; i < speeds.length; i++) {
+    if (raw.track[i] !== raw.track[j]) j = i;
+    while (j + 1 < i && raw.time[i] - raw.time[j + 1] >= SPEED_SECONDS) j++;
+    const duration = raw.time[i] - raw.time[j];
+    if (!raw.tracks.timed[raw.track[i]] || duration <= 0) continue;
+    const height = raw.z ? raw.z[i] - raw.z[j] : 0;
+    speeds[i] = Math.hypot(raw.x[i] - raw.x[j], raw.y[i] - raw.y[j], height) / duration;
   }
   return speeds;
 }
@@ -348,12 +358,12 @@ function usageOf({ clean, history }, state) {
 
 /**
  * Range of values that a ramp covers.
- * @param {Float64Array[]} values
+ * @param {Partial<Record<keyof Classes, Float64Array>>[]} chosen of each archive
  * @param {Scene} scene
  * @param {State} state
  * @returns {[number, number]}
  */
-function valueRange(values, { archives }, state) {
+function valueRange(chosen, { archives }, state) {
   if (state.colour === "hour") return [0, 24];
   if (state.colour === "direction") return [0, 360];
   if (state.colour === "use" && state.hour !== ALL_HOURS) {
@@ -364,6 +374,7 @@ function valueRange(values, { archives }, state) {
   }
 
   // All values of time and traversals; of others up to a share of them.
+  const values = chosen.flatMap((each) => Object.values(each));
   let [low, high] = [Infinity, -Infinity];
   for (const each of values) {
     for (const value of each) {
@@ -378,7 +389,14 @@ function valueRange(values, { archives }, state) {
   }
   if (state.colour === "time") return [low, high > low ? high : low + 1];
   if (state.colour === "traversals" || state.colour === "use") return [1, Math.max(high, 2)];
-  return [0, percentile(values, RAMP_SHARE) || 1];
+
+  // Speeds of walks most of the time: those between close samples are noise.
+  const steps = chosen.flatMap(({ tracks = new Float64Array(0) }, i) => {
+    const { time } = archives[i].knots;
+    return Array.from(tracks, (value, k) => ({ value, duration: k ? time[k] - time[k - 1] : 0 }));
+  });
+  const usual = state.colour === "speed" ? usualTop(steps, RAMP_SHARE) : 0;
+  return [0, usual || percentile(values, RAMP_SHARE) || 1];
 }
 
 /**

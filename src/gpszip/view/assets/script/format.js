@@ -127,13 +127,14 @@ export function lengthUnit(metres, units) {
 }
 
 /**
- * A speed.
+ * A speed, to hundredths of km/h, mph and knots, and to millimetres a second.
  * @param {number} speed metres a second
  * @param {string} units
  */
 export function formatSpeed(speed, units) {
   const [size, sign] = UNITS[units].speed;
-  return `${formatNumber(speed / size)}${THIN_SPACE}${sign}`;
+  const steps = size < 1 ? 100 : 1000;
+  return `${formatNumber(Math.round((speed / size) * steps) / steps)}${THIN_SPACE}${sign}`;
 }
 
 /**

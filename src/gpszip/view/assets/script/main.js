@@ -147,7 +147,7 @@ function deriveState(app) {
 /**
  * Draw the canvases again when what they show changes.
  * @param {import("./map.js").App} app
- * @param {import("./chart.js").Plot} plot
+ * @param {import("./curves.js").Plot} plot
  */
 function drawCanvases(app, plot) {
   const { store, panes } = app;
@@ -166,7 +166,7 @@ function drawCanvases(app, plot) {
 /**
  * Keep the canvases as large as their elements.
  * @param {import("./map.js").App} app
- * @param {import("./chart.js").Plot} plot
+ * @param {import("./curves.js").Plot} plot
  */
 function watchSizes(app, plot) {
   const { store, panes } = app;

@@ -24,6 +24,7 @@
  * @property {Uint8Array} widths half CSS pixels of the edges of the clean map
  */
 
+import { TRACK_COLOURS } from "./colouring.js";
 import { THEMES, makePalette, toPixels } from "./colours.js";
 import { drawGraticule, drawLabels, drawScale } from "./graticule.js";
 import { drawHistory, drawNumber } from "./historymap.js";
@@ -127,7 +128,7 @@ export function makeFrame({ store }, pane, canvas) {
  * @param {Pane} pane
  */
 export function drawMap(app, pane) {
-  const { layers, units, area } = app.store.state;
+  const { layers, units, area, colour } = app.store.state;
   const frame = makeFrame(app, pane, pane.canvas);
   const { ctx, theme } = frame;
   const { archive } = pane;
@@ -138,11 +139,13 @@ export function drawMap(app, pane) {
   // What lies behind.
   if (layers.network && app.scene.network) drawPlain(frame, app.scene.network, theme.network, 2);
   const labels = layers.grid ? drawGraticule(frame, place) : [];
-  if (layers.raw && archive.raw) drawRaw(app, pane, frame);
 
-  // Maps on wide routes, and what moves on them.
+  // Maps on wide routes and on samples, unless colours tell of the samples; what moves on them.
+  const isRawAbove = colour !== "layer" && colour in TRACK_COLOURS;
+  if (layers.raw && archive.raw && !isRawAbove) drawRaw(app, pane, frame);
   if (layers.routes && archive.routes) drawPlain(frame, archive.routes, theme.routes, 5);
   drawMaps(app, pane, frame);
+  if (layers.raw && archive.raw && isRawAbove) drawRaw(app, pane, frame);
   if (layers.tracks) drawTracks(app, pane, frame);
   if (layers.fresh && archive.newEdges) drawPlain(frame, archive.newEdges, theme.fresh, 3.5);
   if (layers.gaps) drawGaps(frame, archive);
@@ -225,7 +228,7 @@ function drawMaps(app, pane, frame) {
     });
   }
   if (layers.clean) {
-    const palette = makePalette(ramp, theme.dim, colour === "layer" ? theme.clean : theme.muted);
+    const palette = makePalette(ramp, theme.dim, colour === "layer" ? theme.clean : theme.dim);
     const ofEdges = classes[archive.index].clean;
     drawLines(frame, archive.clean, {
       palette,

@@ -4,7 +4,7 @@
  * @typedef {import("./map.js").App} App
  */
 
-import { sceneColours } from "./colouring.js";
+import { TRACK_COLOURS, sceneColours } from "./colouring.js";
 import { CATEGORIES, THEMES } from "./colours.js";
 import { clockEpoch, clockShift, setClock } from "./clock.js";
 import { fillSelect, find, findInput, make, makeJumps, makeTable, show } from "./dom.js";
@@ -41,6 +41,7 @@ export function startPanel(app) {
   store.on(["range", "track", "units", "zone", "aligned"], () => updateRangeFacts(app));
   store.on(["place", "units", "zone", "aligned"], () => updatePlace(app));
   store.on(["units", "zone", "aligned"], () => buildWorst(app));
+  store.on(["units"], () => buildNumbers(app));
   find("here-close").addEventListener("click", () => store.set({ place: null }));
   updateLayers(app);
   updateTrack(app);
@@ -199,7 +200,15 @@ function updateRangeFacts(app) {
 function buildColours({ scene, store }) {
   const select = findInput("colour");
   fillSelect(select, sceneColours(scene), store.state.colour);
-  select.addEventListener("change", () => store.set({ colour: select.value }));
+  select.addEventListener("change", () => {
+    const { layers } = store.state;
+    const hasRaw = layers.raw && scene.archives.some(({ raw }) => raw);
+    const needsTracks = select.value in TRACK_COLOURS && !hasRaw;
+    store.set({
+      colour: select.value,
+      layers: { ...layers, tracks: layers.tracks || needsTracks },
+    });
+  });
 }
 
 /** @param {App} app */
@@ -294,10 +303,16 @@ function goToError(app, index, number) {
 }
 
 /** @param {App} app */
-function buildNumbers({ scene }) {
-  find("numbers").append(
-    ...scene.archives.map((archive) =>
-      makeTable(archive.facts, scene.archives.length > 1 ? archive.name : ""),
+function buildNumbers({ scene, store }) {
+  const { units } = store.state;
+  const write = (/** @type {string | number} */ value) =>
+    typeof value === "number" ? formatLength(value, units) : value;
+  find("numbers").replaceChildren(
+    ...scene.archives.map(({ facts, name }) =>
+      makeTable(
+        facts.map(([label, value]) => [label, write(value)]),
+        scene.archives.length > 1 ? name : "",
+      ),
     ),
   );
   find("generator").textContent = scene.generator;

@@ -149,8 +149,9 @@ function arrow(heading) {
  */
 function describePasses(app, archive, passes, visit) {
   if (!passes.length) return [make("p", { class: "hint" }, "No track passes here.")];
-  const { zone, units } = app.store.state;
+  const { zone, units, place } = app.store.state;
   const { epoch } = app.scene;
+  const hasNames = archive.tracks.ids.length > 1 && place?.track === null;
   const tracks = new Set(passes.map(({ track }) => track)).size;
   const count = formatCountOf(passes.length, "pass", "passes");
   const of = tracks > 1 ? ` of ${formatCount(tracks)} tracks` : "";
@@ -161,7 +162,7 @@ function describePasses(app, archive, passes, visit) {
   const jumps = passes.slice(0, MAX_LISTED).map((pass) => {
     const shift = clockShift(app, archive, pass.track);
     const time = formatListed(pass.time - shift, clockEpoch(app), zone, clockExtent(app));
-    const name = archive.tracks.ids.length > 1 ? archive.tracks.ids[pass.track] : "";
+    const name = hasNames ? archive.tracks.ids[pass.track] : "";
     const speed = Number.isNaN(pass.speed) ? "" : formatSpeed(pass.speed, units);
     return {
       cells: [time, name, `${arrow(pass.heading)} ${speed}`],

@@ -42,7 +42,7 @@
  * @typedef {object} Archive
  * @property {number} index 0 or 1
  * @property {string} name
- * @property {[string, string][]} facts
+ * @property {[string, string | number][]} facts label and text, or metres
  * @property {boolean} isLog whether this is a log without an archive
  * @property {number | null} bytes
  * @property {number | null} logBytes

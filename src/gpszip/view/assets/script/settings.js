@@ -58,7 +58,7 @@ function summary({ archives }) {
   if (!points) return [`${formatCountOf(tracks.ids.length, "track")} in `, size];
   const isThinned = raw && raw.drawn < raw.total;
   const rest = isThinned
-    ? `; this page holds ${formatCount(raw.drawn)} of them: of neighbours, those with the largest errors`
+    ? `; ${formatCount(raw.drawn)} are shown: of neighbours, the largest errors`
     : "";
   return [make("strong", {}, formatCountOf(points, "point")), " as ", size, rest];
 }

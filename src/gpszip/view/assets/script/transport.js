@@ -5,7 +5,16 @@
  */
 
 import { showAllTimes, zoomToRange } from "./chartgestures.js";
-import { SPEEDS, clockEpoch, clockExtent, clockStep, setClock, togglePlay } from "./clock.js";
+import {
+  SPEEDS,
+  clockEpoch,
+  clockExtent,
+  clockShift,
+  clockStep,
+  clockTracks,
+  setClock,
+  togglePlay,
+} from "./clock.js";
 import { THEMES } from "./colours.js";
 import { fillSelect, find, findInput, make, show } from "./dom.js";
 import { centreOnAgent } from "./follow.js";
@@ -14,6 +23,7 @@ import { formatPosition } from "./graticule.js";
 import { measureRange } from "./measures.js";
 import { chartKinds, chartSeries } from "./series.js";
 import { formatExtent, formatTime, parseTime } from "./times.js";
+import { lastAtMost } from "./walks.js";
 
 /** Steps of the slider. */
 const SLIDER_STEPS = 10000;
@@ -164,9 +174,35 @@ function findTime(app, text) {
   store.set({ playing: false });
   setClock(app, time);
   const position = centreOnAgent(app);
-  if (!position) return `${write(time)}: no track has a position.`;
+  if (!position) return `${write(time)}: no track has a position. ${describeNearest(app, time)}`;
   const place = formatPosition(position.x, position.y, areas[store.state.area], view.scale);
   return `${write(time)}: ${place}`;
+}
+
+/**
+ * Say when a track was last seen before a time without a position, and when next.
+ * @param {App} app
+ * @param {number} time of the clock
+ */
+function describeNearest(app, time) {
+  const archive = app.scene.archives[0];
+  const { offsets } = archive.tracks;
+  let [before, after] = [-Infinity, Infinity];
+  for (const track of clockTracks(app, archive)) {
+    const shift = clockShift(app, archive, track);
+    const k = lastAtMost(archive.knots.time, time + shift, offsets[track], offsets[track + 1]);
+    if (k >= offsets[track]) before = Math.max(before, archive.knots.time[k] - shift);
+    if (k + 1 < offsets[track + 1]) after = Math.min(after, archive.knots.time[k + 1] - shift);
+  }
+  const texts = [
+    ["Last before:", before],
+    ["Next:", after],
+  ].flatMap(([label, at]) =>
+    Number.isFinite(at)
+      ? [`${label} ${formatTime(Number(at), clockEpoch(app), app.store.state.zone, 1)}.`]
+      : [],
+  );
+  return texts.join(" ");
 }
 
 /** @param {App} app */

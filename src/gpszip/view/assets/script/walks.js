@@ -237,3 +237,20 @@ function isFar({ x, y }, k, place) {
   if (y[k] < place.y - radius && y[k - 1] < place.y - radius) return true;
   return y[k] > place.y + radius && y[k - 1] > place.y + radius;
 }
+
+/**
+ * Value that is exceeded for a small share of the time only; 0 if there is none.
+ * @param {{value: number, duration: number}[]} steps values, and seconds for which each holds; NaN
+ *   is left out
+ * @param {number} share of the time with values up to the result
+ */
+export function usualTop(steps, share) {
+  const known = steps.filter(({ value, duration }) => value === value && duration > 0);
+  const total = known.reduce((sum, { duration }) => sum + duration, 0);
+
+  // From the top until the share is used up.
+  known.sort((a, b) => b.value - a.value);
+  let above = 0;
+  const top = known.find(({ duration }) => (above += duration) > total * (1 - share));
+  return top ? top.value : 0;
+}
