@@ -234,12 +234,12 @@ def test_logs_larger_than_memory_are_kept(gpszip, tmp_path, monkeypatch):
 
 
 def test_what_would_not_come_back_is_not_written(gpszip, log, tmp_path, monkeypatch):
-    # An archive that returns another first row than it was given.
+    # An archive that returns another second row than it was given.
     read = ExactLogs.read
 
     def read_otherwise(self, number):
         for block in read(self, number):
-            yield block.replace(b"\n0,", b"\n9,", 1)
+            yield block.replace(b"\n1,", b"\n9,", 1)
 
     monkeypatch.setattr(ExactLogs, "read", read_otherwise)
     before = log.read_bytes()
@@ -247,7 +247,7 @@ def test_what_would_not_come_back_is_not_written(gpszip, log, tmp_path, monkeypa
 
     # The line is named, the log is still there, and there is no archive.
     assert done.code == 1
-    assert "walk.csv: line 2: the log has '0," in done.err
+    assert "walk.csv: line 3: the log has '1," in done.err
     assert "nothing was written" in done.err
     assert "please report this" in done.err
     assert [path.name for path in tmp_path.iterdir()] == ["walk.csv"]

@@ -10,6 +10,7 @@ from pathlib import Path, PurePath
 
 from gpszip.archive import Archive
 from gpszip.archive.exact import find_exact_logs, find_trails
+from gpszip.archive.exact_rows import ChosenRows
 from gpszip.container.contents import Section
 from gpszip.container.layout import EXACT_KINDS, SectionKind
 from gpszip.errors import CorruptArchiveError, InputError, OptionError
@@ -18,8 +19,10 @@ from gpszip.files.os_errors import as_output_error
 from gpszip.io.storage.expansion import read_chunk
 from gpszip.io.storage.sink import open_sink
 from gpszip.io.storage.source import Source
+from gpszip.lossless.layout import TableLayout
 from gpszip.lossless.logs import ExactLogs, write_exact_logs
 from gpszip.lossless.trails import NO_TRAILS
+from gpszip.pipeline.exact_layout import find_layout
 from gpszip.pipeline.spooled_section import spooled_section
 
 __all__ = [
@@ -34,6 +37,7 @@ __all__ = [
     "remove_sources",
     "without_guides",
     "write_logs",
+    "write_rows",
 ]
 
 #: Bytes that are read and compared at a time.
@@ -72,8 +76,16 @@ def exact_section(
     names = [exact_name(source) for source in readable]
     logs = [(name, partial(_chunks, source)) for name, source in zip(names, readable, strict=True)]
     trails = NO_TRAILS if archive is None else find_trails(archive)
-    write = partial(write_exact_logs, logs, trails=trails)
+    layouts = find_layouts(readable, trails.names)
+    write = partial(write_exact_logs, logs, trails=trails, layouts=layouts)
     return spooled_section(SectionKind.GUIDED_LOGS, write)
+
+
+def find_layouts(sources: Sequence[Source], tracks: Sequence[str]) -> dict[str, TableLayout]:
+    """Find the layouts of logs with rows and columns, by the names under which they are kept."""
+    names, is_only = frozenset(tracks), len(sources) == 1
+    found = {exact_name(source): find_layout(source, names, is_only=is_only) for source in sources}
+    return {name: layout for name, layout in found.items() if layout is not None}
 
 
 def check_keepable(sources: Sequence[Source | InputError]) -> list[Source]:
@@ -107,7 +119,10 @@ def without_guides(archive: Archive) -> Archive:
     if logs is None or not logs.is_guided:
         return archive
     kept = [(log.name, partial(logs.read, number)) for number, log in enumerate(logs.logs)]
-    section = spooled_section(SectionKind.GUIDED_LOGS, partial(write_exact_logs, kept))
+    layouts = {log.name: logs.layout(number) for number, log in enumerate(logs.logs)}
+    known = {name: layout for name, layout in layouts.items() if layout is not None}
+    write = partial(write_exact_logs, kept, layouts=known)
+    section = spooled_section(SectionKind.GUIDED_LOGS, write)
     extras = [each for each in archive.contents.extras if each.kind not in EXACT_KINDS]
     contents = replace(archive.contents, extras=(*extras, section))
     return replace(archive, contents=contents)
@@ -262,6 +277,52 @@ def write_logs(
             with as_output_error(name), path.open("wb") as file:
                 file.writelines(logs.read(number))
     return {str(path): logs.logs[number].size for path, number in zip(paths, numbers, strict=True)}
+
+
+def write_rows(rows: ChosenRows, target: str, *, force: bool) -> tuple[int, int]:
+    """Write chosen rows and columns of logs, with what stands before the rows in the log.
+
+    Parameters
+    ----------
+    rows : ChosenRows
+        The rows.
+    target : str
+        A file, or ``-`` for standard output.
+    force : bool
+        Whether to replace the file.
+
+    Returns
+    -------
+    rows, bytes : int
+        Lines after the header or what else stands before the rows, and bytes written.
+
+    Raises
+    ------
+    OutputError
+        If the file exists, or can't be written.
+    CorruptArchiveError
+        If the archive is damaged.
+    """
+    lines, size = 0, 0
+
+    def counted() -> Iterator[bytes]:
+        nonlocal lines, size
+        for number, chunk in enumerate(rows.text()):
+            lines += chunk.count(b"\n") if number else 0
+            size += len(chunk)
+            yield chunk
+
+    if target == "-":
+        with open_sink("-") as sink:
+            sink.writelines(counted())
+        return lines, size
+    with (
+        atomic_write_all([Path(target)], force=force) as paths,
+        as_output_error(target),
+        paths[0].open("wb") as file,
+    ):
+        file.writelines(counted())
+    return lines, size
 
 
 def check_removable(sources: Sequence[Source | InputError]) -> None:
