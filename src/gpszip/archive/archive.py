@@ -556,7 +556,8 @@ class Archive(ArchiveFrames):
         Returns
         -------
         pyarrow.Table
-            Rows in the order of the log. Cells of text are texts, with the digits that the log has.
+            Rows in the order of the log. Cells of text are texts, with the digits that the log has;
+            columns of Parquet have their own types.
 
         Raises
         ------

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from gpszip.lossless.layout import TableLayout
     from gpszip.lossless.logs import ExactLogs
 
-__all__ = ["ChosenRows", "choose_rows"]
+__all__ = ["ChosenFrames", "ChosenRows", "choose_rows"]
 
 #: Most names that messages list.
 _MAX_LISTED = 10
@@ -50,8 +50,15 @@ class ChosenRows:
     track: str | None
     columns: tuple[int, ...] | None
 
-    def text(self) -> Iterator[bytes]:
+    @property
+    def suffix(self) -> str:
+        """Suffix of a file of the rows."""
+        return ".csv"
+
+    def parts(self) -> Iterator[tuple[bytes, int]]:
         """Yield the text that stands before the rows, or the header of the columns, then the rows.
+
+        With each part of the text comes the number of rows in it.
 
         Raises
         ------
@@ -59,16 +66,18 @@ class ChosenRows:
             If a block is damaged.
         """
         if self.columns is None:
-            yield self.layout.preamble
+            yield self.layout.preamble, 0
         else:
             names = [_column_names(self.layout)[column] for column in self.columns]
             header = io.StringIO()
             csv.writer(header, delimiter=chr(self.layout.delimiter), lineterminator="\n").writerow(
                 names
             )
-            yield header.getvalue().encode()
+            yield header.getvalue().encode(), 0
         for number in self.numbers:
-            yield from self.logs.rows(number, self.track, self.columns)
+            for part in self.logs.rows(number, self.track, self.columns):
+                # The last row of a log may lack its newline.
+                yield part, part.count(b"\n") + (not part.endswith(b"\n") and len(part) > 0)
 
     def table(self) -> Any:
         """The rows as a table of Arrow, whose cells are the texts in the log."""
@@ -101,12 +110,69 @@ class ChosenRows:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class ChosenFrames:
+    """Rows of logs of columns with types, such as Parquet, which have the same columns.
+
+    Parameters
+    ----------
+    logs : ExactLogs
+        The logs.
+    numbers : tuple of int
+        Which of them have such rows.
+    track : str, optional
+        Name of the track in a column; None for all rows.
+    columns : tuple of int, optional
+        Numbers of the columns; None for all.
+    """
+
+    logs: ExactLogs
+    numbers: tuple[int, ...]
+    track: str | None
+    columns: tuple[int, ...] | None
+
+    @property
+    def suffix(self) -> str:
+        """Suffix of a file of the rows."""
+        return ".parquet"
+
+    def parts(self) -> Iterator[tuple[bytes, int]]:
+        """Yield the bytes of a file of Parquet, and with the first ones the number of rows.
+
+        Raises
+        ------
+        CorruptArchiveError
+            If a block is damaged.
+        """
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        table, sink = self.table(), pa.BufferOutputStream()
+        pq.write_table(table, sink, compression=self.logs.frames[self.numbers[0]].head.codec)
+        yield sink.getvalue().to_pybytes(), table.num_rows
+
+    def table(self) -> Any:
+        """The rows as a table of Arrow, with the types of the log."""
+        import pyarrow as pa
+
+        schema = self.logs.frames[self.numbers[0]].head.schema
+        if self.columns is not None:
+            fields = [schema.field(column) for column in self.columns]
+            schema = pa.schema(fields, schema.metadata)
+        batches = [
+            pa.Table.from_batches([batch]).cast(schema)
+            for number in self.numbers
+            for batch in self.logs.frames[number].batches(self.track, self.columns)
+        ]
+        return pa.concat_tables(batches) if batches else schema.empty_table()
+
+
 def choose_rows(
     archive: Archive,
     track: str | None = None,
     columns: Sequence[str] | None = None,
     log: str | None = None,
-) -> ChosenRows:
+) -> ChosenRows | ChosenFrames:
     """Find the logs that have some rows and columns; nothing is decoded.
 
     Parameters
@@ -143,6 +209,8 @@ def choose_rows(
     in_column = False
     if track is not None:
         numbers, in_column = _logs_with(archive, logs, numbers, track)
+    if any(number in logs.frames for number in numbers):
+        return _choose_frames(logs, numbers, track if in_column else None, columns)
     layouts = [logs.layout(number) for number in numbers]
     lacking = [names[n] for n, layout in zip(numbers, layouts, strict=True) if layout is None]
     if lacking:
@@ -155,13 +223,10 @@ def choose_rows(
     for number, layout in zip(numbers, layouts, strict=True):
         assert layout is not None
         if (layout.columns, layout.delimiter) != (first.columns, first.delimiter):
-            raise OptionError(
-                f"{names[numbers[0]]} and {names[number]} have other columns",
-                remedy="name one of them with --log",
-            )
+            raise _different_columns(names[numbers[0]], names[number])
 
     # The columns.
-    chosen = None if columns is None else tuple(_find_columns(first, columns))
+    chosen = None if columns is None else _find_columns(_column_names(first), columns)
     return ChosenRows(logs, tuple(numbers), first, track if in_column else None, chosen)
 
 
@@ -195,15 +260,35 @@ def _column_names(layout: TableLayout) -> tuple[str, ...]:
     return layout.columns or tuple(str(number + 1) for number in range(layout.width))
 
 
-def _find_columns(layout: TableLayout, wanted: Sequence[str]) -> list[int]:
+def _find_columns(names: Sequence[str], wanted: Sequence[str]) -> tuple[int, ...]:
     """Numbers of the columns with these names."""
-    names = _column_names(layout)
     for name in wanted:
         if name not in names:
             raise OptionError(
                 f"the log has no column {name!r}", remedy=f"it has {', '.join(names)}"
             )
-    return [names.index(name) for name in wanted]
+    return tuple(names.index(name) for name in wanted)
+
+
+def _choose_frames(
+    logs: ExactLogs, numbers: Sequence[int], track: str | None, columns: Sequence[str] | None
+) -> ChosenFrames:
+    """Choose rows and columns of logs of columns with types."""
+    first = logs.frames.get(numbers[0])
+    for number in numbers:
+        other = logs.frames.get(number)
+        if first is None or other is None or not other.head.schema.equals(first.head.schema):
+            raise _different_columns(logs.logs[numbers[0]].name, logs.logs[number].name)
+    assert first is not None
+    chosen = None if columns is None else _find_columns(first.head.schema.names, columns)
+    return ChosenFrames(logs, tuple(numbers), track, chosen)
+
+
+def _different_columns(first: str, other: str) -> OptionError:
+    """The error if two logs can't be one table."""
+    return OptionError(
+        f"{first} and {other} have other columns", remedy="name one of them with --log"
+    )
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -255,13 +255,18 @@ def _write_rows(
     from gpszip.cli.archives import open_archive_file
     from gpszip.cli.output import print_json, print_status
     from gpszip.cli.units import format_count
+    from gpszip.errors import OptionError
     from gpszip.pipeline.exact_logs import write_rows
 
-    target = output_name(target, [archive], ".csv", "walks.csv")
     names = None if columns is None else [name.strip() for name in columns.split(",")]
     track = tracks[0] if tracks else None
     with open_archive_file(archive) as source:
         chosen = choose_rows(source, track, names, log_name)
+        target = output_name(target, [archive], chosen.suffix, f"rows{chosen.suffix}")
+        if chosen.suffix == ".parquet" and target.endswith((".csv", ".txt", ".tsv")):
+            raise OptionError(
+                "rows of Parquet are written as Parquet", remedy="name the output .parquet"
+            )
         rows, size = write_rows(chosen, target, force=force)
     if settings.json:
         facts = {"output": target, "logs": len(chosen.numbers), "rows": rows, "bytes": size}

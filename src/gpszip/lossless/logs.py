@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +16,17 @@ from gpszip.lossless.order import decode_order, read_key
 from gpszip.lossless.rows import cut_cells, find_rows
 from gpszip.lossless.text import MAX_BLOCK_BYTES, decode_block, decode_cells
 from gpszip.lossless.trails import NO_TRAILS, Trails
-from gpszip.lossless.write_logs import APART, JOINED, MAX_SPAN_BYTES, TEXT, write_exact_logs
+from gpszip.lossless.write_logs import (
+    APART,
+    FRAMES,
+    JOINED,
+    MAX_SPAN_BYTES,
+    TEXT,
+    write_exact_logs,
+)
+
+if TYPE_CHECKING:
+    from gpszip.lossless.frame_logs import FrameHead, FrameLog
 
 __all__ = ["ExactLog", "ExactLogs", "read_exact_logs", "write_exact_logs"]
 
@@ -43,6 +54,10 @@ class ExactLog:
         The tracks of its rows, where these are sorted by track.
     is_apart : bool, default False
         Whether its rows share no block with other logs.
+    preamble_size : int, default 0
+        Number of bytes before the rows.
+    frame : FrameHead, optional
+        What is known of a log of columns with types, such as Parquet, of which values are kept.
     """
 
     name: str
@@ -52,10 +67,13 @@ class ExactLog:
     groups: Groups | None = None
     is_apart: bool = False
     preamble_size: int = 0
+    frame: FrameHead | None = None
 
     @property
     def stored(self) -> int:
-        """Number of bytes in blocks."""
+        """Number of bytes of text in blocks."""
+        if self.frame is not None:
+            return 0
         return self.size - self.preamble_size if self.is_apart else self.size
 
 
@@ -97,6 +115,8 @@ class ExactLogs:
         Walks that predict the logs; None in sections of kind 9.
     is_guided : bool, default False
         Whether the walks, or names of tracks, are needed.
+    frames : mapping of int to FrameLog
+        Logs of columns with types, by their numbers.
     """
 
     logs: tuple[ExactLog, ...]
@@ -104,6 +124,7 @@ class ExactLogs:
     spans: tuple[_Span, ...]
     trails: Trails | None = None
     is_guided: bool = False
+    frames: Mapping[int, FrameLog] = field(default_factory=dict)
 
     def read(self, number: int, first: int = 0, count: int | None = None) -> Iterator[bytes]:
         """Yield bytes of a log in chunks; only parts that hold some of them are decoded.
@@ -123,8 +144,13 @@ class ExactLogs:
         CorruptArchiveError
             If a block is damaged, or the checksum differs.
         """
-        # What stands before the rows of a log that is apart.
+        # Columns with types are written anew, whatever bytes the log had.
         log = self.logs[number]
+        if number in self.frames:
+            yield from _cut(self.frames[number].file(), first, count)
+            return
+
+        # What stands before the rows of a log that is apart.
         begin = min(first, log.size)
         end = log.size if count is None else min(first + count, log.size)
         is_whole = end - begin == log.size
@@ -302,6 +328,16 @@ def _rows_of_text(
     return cut_cells(text, layout.delimiter, places)
 
 
+def _cut(chunks: Iterator[bytes], first: int, count: int | None) -> Iterator[bytes]:
+    """Yield some of the bytes in chunks."""
+    place, end = 0, None if count is None else first + count
+    for chunk in chunks:
+        part = chunk[max(first - place, 0) : None if end is None else max(end - place, 0)]
+        place += len(chunk)
+        if part:
+            yield part
+
+
 def _take_runs(text: bytes, delimiter: int, block: _Block, wanted: set[int]) -> bytes:
     """Rows of some tracks in the text of a block."""
     if all(group in wanted for group, _ in block.runs):
@@ -347,8 +383,16 @@ def read_exact_logs(body: bytes, trails: Trails | None = None) -> ExactLogs:
 
     # The spans; those of a log that is apart end where it ends.
     spans: list[_Span] = []
+    frames: dict[int, FrameLog] = {}
     first = 0
     for stored, log in _shared_runs(logs):
+        if log is not None and log.frame is not None:
+            from gpszip.lossless.frame_logs import read_frame_log
+
+            assert trails is not None
+            frame = read_frame_log(cursor, log.frame, log.groups, trails)
+            frames[logs.index(log)] = frame
+            continue
         end = first + stored
         while first < end:
             left = end - first
@@ -360,14 +404,14 @@ def read_exact_logs(body: bytes, trails: Trails | None = None) -> ExactLogs:
             spans.append(span)
             first += span.size
     cursor.expect_end("the exact logs")
-    return ExactLogs(logs, body, tuple(spans), trails, is_guided)
+    return ExactLogs(logs, body, tuple(spans), trails, is_guided, frames)
 
 
 def _shared_runs(logs: Sequence[ExactLog]) -> Iterator[tuple[int, ExactLog | None]]:
     """Yield bytes of text that share spans, and the log if it is apart."""
     joined = 0
     for log in logs:
-        if not log.is_apart:
+        if not log.is_apart and log.frame is None:
             joined += log.size
             continue
         if joined:
@@ -471,6 +515,12 @@ def _read_rows_of_log(cursor: Cursor, log: ExactLog, trails: Trails) -> ExactLog
     kind = cursor.read_byte("the kind of a log")
     if kind == TEXT:
         return log
+    if kind == FRAMES:
+        # Few archives need Arrow.
+        from gpszip.lossless.frame_logs import read_head
+
+        head, groups = read_head(cursor, trails)
+        return replace(log, frame=head, groups=groups)
     if kind not in {APART, JOINED}:
         raise cursor.error(f"a log of kind {kind}")
     layout, before = decode_layout(cursor)

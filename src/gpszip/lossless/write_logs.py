@@ -7,7 +7,7 @@ import tempfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import BinaryIO, cast
+from typing import TYPE_CHECKING, BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,12 +26,17 @@ from gpszip.lossless.rows import MAX_CELL, Rows, find_rows
 from gpszip.lossless.text import MAX_BLOCK_BYTES, encode_block
 from gpszip.lossless.trails import NO_TRAILS, Trails
 
-__all__ = ["APART", "JOINED", "MAX_SPAN_BYTES", "TEXT", "write_exact_logs"]
+if TYPE_CHECKING:
+    from gpszip.lossless.frame_logs import FrameHead, FrameSource
 
-#: Kinds of logs: text; rows in spans of their own; rows in text that is joined with other logs.
+__all__ = ["APART", "FRAMES", "JOINED", "MAX_SPAN_BYTES", "TEXT", "write_exact_logs"]
+
+#: Kinds of logs: text; rows in spans of their own; rows in text that is joined with other logs;
+#: columns with types.
 TEXT = 0
 APART = 1
 JOINED = 2
+FRAMES = 3
 
 #: Rows of so much text are sorted by track together.
 MAX_SPAN_BYTES = 1 << 25
@@ -66,13 +71,14 @@ _Ints = NDArray[np.int64]
 
 @dataclass
 class _Record:
-    """What is known of a log: its name, bytes and checksum, kind, layout and tracks."""
+    """What is known of a log: its name, bytes and checksum, kind, columns and tracks."""
 
     name: str
     kind: int = TEXT
     size: int = 0
     checksum: int = 0
     layout: TableLayout | None = None
+    frame: FrameHead | None = None
     cells: dict[bytes, int] = field(default_factory=dict)
 
 
@@ -81,6 +87,7 @@ def write_exact_logs(
     sink: BinaryIO,
     trails: Trails = NO_TRAILS,
     layouts: Mapping[str, TableLayout] | None = None,
+    frames: Mapping[str, FrameSource] | None = None,
 ) -> None:
     r"""Write the body of the section.
 
@@ -98,6 +105,9 @@ def write_exact_logs(
         Walks that predict the logs; readers then need them, too.
     layouts : mapping of str to TableLayout, optional
         Layouts of logs with rows and columns, by their names.
+    frames : mapping of str to FrameSource, optional
+        Columns of logs that have some with types, by their names. Their values are kept where
+        these take fewer bytes than the log itself.
 
     Examples
     --------
@@ -116,7 +126,10 @@ def write_exact_logs(
         writer = _Writer(cast(BinaryIO, spool), GuideFinder(trails))
         for name, chunks in given:
             layout = None if layouts is None else layouts.get(name)
-            writer.add(_Record(name, layout=layout), chunks(), is_only=len(given) == 1)
+            frame = None if frames is None else frames.get(name)
+            record = _Record(name, layout=layout)
+            if frame is None or not writer.add_frame(record, frame, chunks()):
+                writer.add(record, chunks(), is_only=len(given) == 1)
         writer.flush()
 
         # Whether walks are needed comes first, then the logs and the blocks.
@@ -139,6 +152,14 @@ def _encode_record(record: _Record, numbers: Mapping[str, int]) -> tuple[bytes, 
         record.checksum.to_bytes(CHECKSUM_BYTES, "little"),
         bytes([record.kind]),
     ]
+    if record.frame is not None:
+        from gpszip.lossless.frame_logs import encode_head
+
+        parts.append(encode_head(record.frame))
+        known = _known(record, numbers)
+        if record.frame.track_column is not None:
+            parts.append(encode_groups(list(record.cells), known))
+        return b"".join(parts), bool(known)
     if record.layout is None:
         return b"".join(parts), False
     parts.append(encode_layout(record.layout))
@@ -146,15 +167,20 @@ def _encode_record(record: _Record, numbers: Mapping[str, int]) -> tuple[bytes, 
         return b"".join(parts), False
     parts.append(record.layout.preamble)
 
-    # Tracks that the archive names in the same way are known by their numbers.
-    known: dict[bytes, int] = {}
+    known = _known(record, numbers)
     if record.layout.track_column is not None:
-        for cell in record.cells:
-            name_in_cell = name_of_cell(cell)
-            if name_in_cell in numbers and name_in_cell.encode() == cell:
-                known[cell] = numbers[name_in_cell]
         parts.append(encode_groups(list(record.cells), known))
     return b"".join(parts), bool(known)
+
+
+def _known(record: _Record, numbers: Mapping[str, int]) -> dict[bytes, int]:
+    """Tracks of a log that the archive names in the same way, by their numbers."""
+    known: dict[bytes, int] = {}
+    for cell in record.cells:
+        name = name_of_cell(cell)
+        if name in numbers and name.encode() == cell:
+            known[cell] = numbers[name]
+    return known
 
 
 class _Writer:
@@ -193,6 +219,26 @@ class _Writer:
         self._join(head)
         for chunk in counted:
             self._join(chunk)
+
+    def add_frame(self, record: _Record, source: FrameSource, chunks: Iterable[bytes]) -> bool:
+        """Write a log of columns with types, unless they take more bytes than the log itself."""
+        from gpszip.lossless.frame_logs import write_spans
+
+        self.flush()
+        start = self._spool.tell()
+        for _ in _counted(record, chunks):
+            pass
+        has_found = self.finder.has_found
+        write_spans(source, self.finder, record.cells, self._spool)
+        if self._spool.tell() - start < record.size:
+            record.kind, record.frame = FRAMES, source.head
+            self.records.append(record)
+            return True
+        self._spool.seek(start)
+        self._spool.truncate()
+        self.finder.has_found = has_found
+        record.size, record.checksum, record.cells = 0, 0, {}
+        return False
 
     def flush(self) -> None:
         """Write what is left of the joined text."""
@@ -303,7 +349,7 @@ def _block_bounds(rows: Rows, groups: _Ints) -> _Ints:
     """Where the blocks of a span begin, and its end."""
     # Blocks of about the same size; where rows are sorted, they are short in long spans.
     size = len(rows.text)
-    is_short = size > MAX_BLOCK_BYTES and len(groups) > 0
+    is_short = size > MAX_BLOCK_BYTES and len(groups) > 0 and groups[0] != groups[-1]
     limit = _SORTED_BLOCK_BYTES if is_short else MAX_BLOCK_BYTES
     limit = min(-(-size // -(-size // limit)) + _SPARE_BYTES, MAX_BLOCK_BYTES)
     begins = np.flatnonzero(np.diff(groups)) + 1
