@@ -182,7 +182,7 @@ class FrameLog:
         with tempfile.SpooledTemporaryFile(_MAX_IN_MEMORY, prefix="gpszip-") as file:
             try:
                 self._write(cast(BinaryIO, file))
-            except pa.ArrowException as error:
+            except (pa.ArrowException, ValueError) as error:
                 raise CorruptArchiveError(f"columns are damaged: {error}") from None
             file.seek(0)
             while chunk := file.read(_CHUNK):
@@ -268,7 +268,9 @@ def read_head(cursor: Cursor, trails: Trails) -> tuple[FrameHead, Groups | None]
         raise cursor.error(f"a schema of {size} bytes")
     try:
         schema = pa.ipc.read_schema(pa.py_buffer(inflate(packed, size, cursor.offset)))
-    except (pa.ArrowException, OSError) as error:
+        # Names are read, and found to be no UTF-8, only now.
+        names = schema.names
+    except (pa.ArrowException, OSError, ValueError) as error:
         raise cursor.error(f"a schema is damaged: {error}") from None
 
     # How the file was written, and which column names tracks.
@@ -280,8 +282,8 @@ def read_head(cursor: Cursor, trails: Trails) -> tuple[FrameHead, Groups | None]
     if count and (groups.min() < 0 or groups.max() > _MAX_ROWS):
         raise cursor.error("a row group is out of range")
     track = cursor.read_varint("a column of tracks")
-    if track > len(schema):
-        raise cursor.error(f"tracks in column {track} of {len(schema)}")
+    if track > len(names):
+        raise cursor.error(f"tracks in column {track} of {len(names)}")
     head = FrameHead(schema, _CODECS[codec], tuple(groups.tolist()), track - 1 if track else None)
     return head, decode_groups(cursor, trails) if track else None
 

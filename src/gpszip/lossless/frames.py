@@ -84,7 +84,8 @@ def decode_frame(
     """
     try:
         return _decode(cursor, schema, rows, trails, columns)
-    except (pa.ArrowException, UnicodeDecodeError, OverflowError) as error:
+    except (pa.ArrowException, OSError, ValueError, OverflowError) as error:
+        # Arrow has no error of its own for damaged bytes.
         raise cursor.error(f"columns are damaged: {error}") from None
     except StopIteration:
         raise cursor.error("a column lacks its numbers") from None
