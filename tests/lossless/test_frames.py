@@ -109,7 +109,7 @@ def test_some_columns_come_back_alone():
 
 
 @given(st.lists(st.floats(width=64) | st.none(), min_size=1, max_size=30), st.booleans())
-@examples(60)
+@examples(30)
 def test_any_floats_come_back(values, short):
     kind = pa.float32() if short else pa.float64()
     with np.errstate(all="ignore"):
@@ -119,14 +119,14 @@ def test_any_floats_come_back(values, short):
 
 
 @given(st.lists(st.integers(-(2**63), 2**63 - 1) | st.none(), min_size=1, max_size=30))
-@examples(60)
+@examples(30)
 def test_any_integers_come_back(values):
     batch = pa.record_batch({"v": pa.array(values, pa.int64())})
     assert round_trip(batch).equals(batch)
 
 
 @given(st.lists(st.binary(max_size=12) | st.none(), min_size=1, max_size=30))
-@examples(60)
+@examples(30)
 def test_any_bytes_come_back(values):
     batch = pa.record_batch({"v": pa.array(values, pa.binary())})
     assert round_trip(batch).equals(batch)
@@ -136,14 +136,14 @@ def test_damage_is_found_or_harmless():
     batch = BATCH.select(["texts", "lists", "odd", "points", "newlines", "micro"]).slice(0, 24)
     data = encode_frame(batch, GuideFinder(NO_TRAILS))
     refused = 0
-    for place in range(0, len(data), 5):
+    for place in range(0, len(data), 13):
         forged = bytearray(data)
         forged[place] ^= 1 << place % 8
         try:
             decode_frame(Cursor(bytes(forged)), batch.schema, 24, NO_TRAILS)
         except CorruptArchiveError:
             refused += 1
-    assert refused > 20
+    assert refused > 8
 
 
 def test_a_log_stays_as_it_is_where_its_bytes_are_fewer():

@@ -28,7 +28,7 @@ def body_of(data, layout=LAYOUT, trails=NAMES):
     return sink.getvalue()
 
 
-def fleet(rows=2000, seed=1):
+def fleet(rows=700, seed=1):
     """Rows of three vehicles in turn, two of which the archive knows by these names."""
     random = np.random.default_rng(seed)
     vehicle = random.integers(0, 3, rows)
@@ -52,9 +52,9 @@ def small_parts():
     """A section of several spans of several blocks."""
     patch = pytest.MonkeyPatch()
     for name, size in {
-        "MAX_SPAN_BYTES": 20_000,
-        "MAX_BLOCK_BYTES": 8_000,
-        "_SORTED_BLOCK_BYTES": 4_000,
+        "MAX_SPAN_BYTES": 8_000,
+        "MAX_BLOCK_BYTES": 4_000,
+        "_SORTED_BLOCK_BYTES": 2_000,
     }.items():
         patch.setattr(write_logs, name, size)
     data, lines = fleet()
@@ -69,7 +69,7 @@ def test_rows_of_tracks_in_turn_come_back(small_parts):
     assert len(found.spans) > 2
     assert all(len(span.blocks) > 2 for span in found.spans[:-1])
     assert b"".join(found.read(0)) == data
-    assert b"".join(found.read(0, 30_000, 4_000)) == data[30_000:34_000]
+    assert b"".join(found.read(0, 10_000, 4_000)) == data[10_000:14_000]
     assert sorted(found.tracks(0)) == ["7", "bus 1", "car; red"]
     assert found.layout(0) == LAYOUT
 
@@ -142,7 +142,7 @@ def test_columns_need_no_positions(monkeypatch):
     ),
     st.booleans(),
 )
-@examples(60)
+@examples(30)
 def test_any_rows_come_back(rows, ends):
     text = "".join(f"{a};{b}{end}" for a, b, end in rows).encode()
     data = b"id;v\n" + (text if ends else text.rstrip(b"\r\n"))
@@ -178,7 +178,7 @@ def test_forged_rows_are_refused(small_parts):
     # Any byte of the heads may be another: an error says so, or the checksum does.
     _, _, body = small_parts
     refused = 0
-    for place in range(20, 140):
+    for place in range(20, 140, 4):
         forged = bytearray(body)
         forged[place] ^= 1 << place % 8
         try:
@@ -186,4 +186,4 @@ def test_forged_rows_are_refused(small_parts):
             list(found.read(0))
         except CorruptArchiveError:
             refused += 1
-    assert refused > 80
+    assert refused > 15
