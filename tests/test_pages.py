@@ -207,6 +207,13 @@ def write_files():
     for number, name in enumerate(("monday", "tuesday")):
         write_tracks([gps_lap(name, number=number)], f"{name}.csv")
 
+    # Two buses in turn, with further columns.
+    rows = [
+        f"v{7 + i % 2},{START + i:.0f},{52.5 + i / 1e5:.5f},13.40000,{34 + i % 3}.5,{90 + i % 7}"
+        for i in range(60)
+    ]
+    Path("buses.csv").write_text("\n".join(["id,t,lat,lon,ele,hr", *rows, ""]))
+
     # The history of a phone.
     fixes = [
         (datetime.fromtimestamp(START + 60 * i, UTC), 52.51 + i % 20 / 1e3, 13.4, 0)

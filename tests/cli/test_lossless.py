@@ -109,7 +109,7 @@ def test_standard_input_is_kept(gpszip, log, tmp_path):
     assert gpszip("decompress a.gpsz --exact -o -").out.encode() == log.read_bytes()
 
 
-@pytest.mark.parametrize("suffix", ["gpx", "geojson", "parquet"])
+@pytest.mark.parametrize("suffix", ["gpx", "geojson"])
 def test_other_formats_come_back_byte_by_byte(gpszip, log, tmp_path, suffix):
     rows = [line.split(",") for line in log.read_text().splitlines()[1:]]
     degrees = [f"{t},{48 + float(y) / 1e4:.7f},{11 + float(x) / 1e4:.7f}\n" for t, x, y in rows]
@@ -144,7 +144,7 @@ def test_diff_needs_an_archive_that_keeps_logs(gpszip, walk_archive):
 def test_rm_deletes_what_is_proved(gpszip, log):
     done = gpszip("compress walk.csv --lossless --effort 1 --rm")
     assert (done.code, log.exists()) == (0, False)
-    assert "holds every byte of the logs; deleted 1" in done.err
+    assert "holds the logs, as proved; deleted 1" in done.err
     assert gpszip("decompress walk.gpsz --exact").code == 0
     assert log.exists()
 
@@ -234,12 +234,12 @@ def test_logs_larger_than_memory_are_kept(gpszip, tmp_path, monkeypatch):
 
 
 def test_what_would_not_come_back_is_not_written(gpszip, log, tmp_path, monkeypatch):
-    # An archive that returns another first row than it was given.
+    # An archive that returns another second row than it was given.
     read = ExactLogs.read
 
     def read_otherwise(self, number):
         for block in read(self, number):
-            yield block.replace(b"\n0,", b"\n9,", 1)
+            yield block.replace(b"\n1,", b"\n9,", 1)
 
     monkeypatch.setattr(ExactLogs, "read", read_otherwise)
     before = log.read_bytes()
@@ -247,7 +247,7 @@ def test_what_would_not_come_back_is_not_written(gpszip, log, tmp_path, monkeypa
 
     # The line is named, the log is still there, and there is no archive.
     assert done.code == 1
-    assert "walk.csv: line 2: the log has '0," in done.err
+    assert "walk.csv: line 3: the log has '1," in done.err
     assert "nothing was written" in done.err
     assert "please report this" in done.err
     assert [path.name for path in tmp_path.iterdir()] == ["walk.csv"]

@@ -825,7 +825,43 @@ def _exact_bodies() -> list[bytes]:
         pairs = [(name, lambda text=text: [text.encode()]) for name, text in texts.items()]
         write_exact_logs(pairs, sink, _exact_trails())
         bodies.append(sink.getvalue())
-    return bodies
+    return [*bodies, _rows_in_turn(walks), _typed_columns()]
+
+
+def _rows_in_turn(walks: list[str]) -> bytes:
+    """Rows of two tracks in turn, which are kept track by track."""
+    from gpszip.lossless.layout import TableLayout
+    from gpszip.lossless.logs import write_exact_logs
+
+    sink, header = io.BytesIO(), b"id,t,x,y\n"
+    text = header + "".join(sorted(walks, key=lambda row: int(row.split(",")[1]))).encode()
+    layout = TableLayout(ord(","), header, has_header=True, width=4, track_column=0)
+    write_exact_logs([("a.csv", lambda: [text])], sink, _exact_trails(), {"a.csv": layout})
+    return sink.getvalue()
+
+
+def _typed_columns() -> bytes:
+    """Columns with types, as of Parquet."""
+    import pyarrow as pa
+
+    from gpszip.lossless.frame_logs import FrameHead, FrameSource
+    from gpszip.lossless.logs import write_exact_logs
+
+    rows = range(60)
+    columns = {
+        "id": [f"{i % 2}" for i in rows],
+        "t": pa.array([i * 10**9 for i in rows]).cast(pa.timestamp("ns")),
+        "x": [None if i == 9 else i / 4 for i in rows],
+        "note": [f"a\nb{i % 7}" for i in rows],
+        "pair": [{"a": float(i), "b": None} for i in rows],
+        "parts": [[i] * (i % 3) for i in rows],
+    }
+    batch = pa.record_batch(columns)
+    source = FrameSource(FrameHead(batch.schema, "zstd", (60,), 0), lambda _: iter([batch]))
+    sink = io.BytesIO()
+    log = ("a.parquet", lambda: [bytes(10**5)])
+    write_exact_logs([log], sink, _exact_trails(), frames={"a.parquet": source})
+    return sink.getvalue()
 
 
 def _with_sections(small: bytes) -> bytes:

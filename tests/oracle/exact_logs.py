@@ -43,22 +43,98 @@ def read_logs(body, trails=None):
     source = Bytes(body)
     if trails is not None:
         assert source.u8() in (0, 1)
-    heads = []
-    for _ in range(source.varint()):
-        name = source.take(source.varint()).decode()
-        heads.append((name, source.varint(), int.from_bytes(source.take(4), "little")))
-    text = b""
-    while len(text) < sum(size for _, size, _ in heads):
-        size = source.varint()
-        block = read_block(source.take(source.varint()), trails)
-        assert len(block) == size
-        text += block
+    heads = [read_head(source, trails) for _ in range(source.varint())]
+
+    # Logs of kind 1 are apart, all others are joined.
+    logs, joined = {}, []
+    for head in [*heads, SimpleNamespace(kind=1, name=None)]:
+        if head.kind != 1:
+            joined.append(head)
+            continue
+        text = b""
+        while len(text) < sum(each.size for each in joined):
+            text += read_sized_block(source, trails)
+        for each in joined:
+            logs[each.name], text = text[: each.size], text[each.size :]
+        joined = []
+        if head.name is not None:
+            logs[head.name] = head.preamble
+            while len(logs[head.name]) < head.size:
+                logs[head.name] += read_span(source, head, trails)
     assert source.at == len(body)
-    logs = {}
-    for name, size, checksum in heads:
-        logs[name], text = text[:size], text[size:]
-        assert zlib.crc32(logs[name]) == checksum
+    for head in heads:
+        assert zlib.crc32(logs[head.name]) == head.crc
     return logs
+
+
+def read_head(source, trails):
+    name, size = source.take(source.varint()).decode(), source.varint()
+    head = SimpleNamespace(name=name, size=size, crc=int.from_bytes(source.take(4), "little"))
+    head.kind = 0 if trails is None else source.u8()
+    if head.kind == 0:
+        return head
+    head.delimiter, has_header = source.u8(), source.u8()
+    assert has_header in (0, 1)
+    _width, track, length = source.varint(), source.varint(), source.varint()
+    if head.kind == 2:
+        return head
+    head.preamble, head.has_tracks = source.take(length), track > 0
+    if head.has_tracks:
+        tracks = read_column(source, source.varint()).values
+        head.cells = [
+            trails.names[track - 1] if track else source.take(source.varint()) for track in tracks
+        ]
+    return head
+
+
+def read_sized_block(source, trails):
+    size = source.varint()
+    block = read_block(source.take(source.varint()), trails)
+    assert len(block) == size
+    return block
+
+
+def read_span(source, head, trails):
+    """Text of a span, whose rows are sorted by track, in the order of the log."""
+    size, blocks = source.varint(), source.varint()
+    rows = source.varint() if head.has_tracks else 0
+    if rows:
+        end = source.varint()
+        end += source.at
+        key = source.varint() - 1
+        later = read_column(source, rows).values
+        assert source.at == end
+    if rows and blocks > 1:
+        for _ in range(blocks):
+            for _ in range(source.varint()):
+                source.varint(), source.varint()
+    text = b"".join(read_sized_block(source, trails) for _ in range(blocks))
+    assert len(text) == size
+    if not rows:
+        return text
+    lines = split_rows(text, head.delimiter)
+    ordered = lines if key < 0 else sorted(lines, key=lambda line: key_of(line[1], key))
+    return b"".join(ordered[i + step][0] for i, step in enumerate(later))
+
+
+def split_rows(text, delimiter):
+    """Rows of a text, each with its cells."""
+    rows, start, cells, cell, quoted = [], 0, [], 0, False
+    for i, byte in enumerate(text):
+        quoted ^= byte == 34
+        if byte == delimiter and not quoted:
+            cells.append(text[cell:i])
+            cell = i + 1
+        if (byte == 10 and not quoted) or i + 1 == len(text):
+            rows.append((text[start : i + 1], [*cells, text[cell : i + 1].rstrip(b"\r\n")]))
+            start, cells, cell = i + 1, [], i + 1
+    return rows
+
+
+def key_of(cells, column):
+    digits = [byte for byte in cells[column][:32] if 48 <= byte < 58] if column < len(cells) else []
+    key = int(bytes(digits) or b"0") % 2**64
+    return key - 2**64 if key >= 2**63 else key
 
 
 def read_block(block, trails=None):
@@ -124,17 +200,20 @@ def read_table(source, rows, fields, trails):
     order = [i for i in range(fields) if i != times_at]
     table = read_guide(source, fields, trails) if trails is not None else None
     times, others, numbers = None, [], {}
+    has_sides = trails is not None
     for i in ([times_at] if times_at >= 0 else []) + order:
         role, detail = table.roles[i] if table else (0, 0)
         if role == 255:
             numbers[i] = table.names(detail)
             continue
+        others_vary = [column for column in others[::-1] if len(set(column.values)) > 1]
+        has_choice = has_sides and i != times_at and others_vary
+        sides = others_vary[: source.u8() if has_choice else 2]
         p, q, offset = grid = source.varint(), source.varint(), source.varint()
         exceptions, row = {}, -1
         for _ in range(source.varint()):
             row += source.varint() + 1
             exceptions[row] = source.signed()
-        sides = [column for column in others[::-1] if len(set(column.values)) > 1][:2]
         guide = None
         if table and i == times_at:
             guide = table.times_guide(grid)

@@ -536,6 +536,58 @@ class Archive(ArchiveFrames):
         assert logs is not None
         return b"".join(logs.read(self.exact_names.index(name), first, count))
 
+    def exact_rows(
+        self,
+        track: str | None = None,
+        columns: Sequence[str] | None = None,
+        log: str | None = None,
+    ) -> Any:
+        """Rows of a track, or all, of logs that are kept exactly, and all columns or some.
+
+        Parameters
+        ----------
+        track : str, optional
+            Name of a track; by default rows of all tracks.
+        columns : sequence of str, optional
+            Names of columns in the log; by default all.
+        log : str, optional
+            One of :attr:`exact_names`; by default all logs that have the track.
+
+        Returns
+        -------
+        pyarrow.Table
+            Rows in the order of the log. Cells of text are texts, with the digits that the log has;
+            columns of Parquet have their own types.
+
+        Raises
+        ------
+        UnknownTrackError
+            If there is no such track.
+        OptionError
+            If no log is kept exactly, a log has no such rows or columns, or logs have different
+            columns.
+        CorruptArchiveError
+            If a block is damaged.
+
+        Notes
+        -----
+        Only blocks of rows that hold the track are decoded, and of these the columns that are asked
+        for, the times, and columns that predict them.
+
+        Examples
+        --------
+        >>> import gpszip
+        >>> rows = [f"{i % 2},{i},{i}.50,1" for i in range(40)]
+        >>> with open("bus.csv", "w") as file:
+        ...     print("id,t,x,y", *rows, sep=chr(10), file=file)
+        >>> archive = gpszip.compress("bus.csv", rmse=1, lossless=True)
+        >>> archive.exact_rows("1", ["t", "x"])[:2].to_pylist()
+        [{'t': '1', 'x': '1.50'}, {'t': '3', 'x': '3.50'}]
+        """
+        from gpszip.archive.exact_rows import choose_rows
+
+        return choose_rows(self, track, columns, log).table()
+
     # What was kept of the samples.
 
     @cached_property

@@ -66,8 +66,8 @@ def find_exact_logs(archive: Archive) -> ExactLogs | None:
 def find_trails(archive: Archive) -> Trails:
     """Return walks that predict logs; none of an archive without times, or on a known map."""
     from gpszip.archive.trails import ArchiveTrails
-    from gpszip.lossless.trails import NO_TRAILS
+    from gpszip.lossless.trails import NamedTrails
 
     # Logs are not to need another archive.
     has_walks = archive.timed and archive.contents.map is None
-    return ArchiveTrails(archive) if has_walks else NO_TRAILS
+    return ArchiveTrails(archive) if has_walks else NamedTrails(archive.ids)

@@ -307,7 +307,7 @@ def command(
     if settings.json or not quiet:
         print_summary(target, read_result, report, as_json=settings.json)
         if removed and not settings.json:
-            print_status(f"{target}: holds every byte of the logs; deleted {removed:,}")
+            print_status(f"{target}: holds the logs, as proved; deleted {removed:,}")
     return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
 
 

@@ -63,6 +63,13 @@ __all__ = ["command"]
 )
 @click.option("--log", "log_name", metavar="NAME", help="With --exact: only the log of this name.")
 @click.option(
+    "--columns",
+    "column_names",
+    metavar="NAME,...",
+    help="With --exact: only these columns of the log, such as ele,hr; with --track, only rows of "
+    "that track. Other columns and tracks are not decoded.",
+)
+@click.option(
     "--blur",
     type=LENGTH,
     metavar="LENGTH",
@@ -95,6 +102,7 @@ def command(
     samples: bool,
     exact: bool,
     log_name: str | None,
+    column_names: str | None,
     blur: float | None,
     drop_ends: float | None,
     kind: str | None,
@@ -122,9 +130,11 @@ def command(
     hides = "--blur" if blur is not None else "--drop-ends" if drop_ends is not None else None
     if exact:
         _check_exact_options(at_times, selection, kind, hides)
+        if selection.tracks or column_names is not None:
+            chosen = (selection.tracks, column_names, log_name)
+            return _write_rows(settings, archive, target, *chosen, force=force)
         return _write_exact(settings, archive, target, log_name, force=force)
-    if log_name is not None:
-        raise OptionError("--log names a log that is kept exactly", remedy="add --exact")
+    _refuse_without_exact({"--log": log_name, "--columns": column_names})
     target = output_name(target, [archive], ".csv", "walks.csv")
     times = None if at is None else parse_times(at)
     log_format = format_for_writing(target, kind)
@@ -179,6 +189,15 @@ def command(
     return Outcome.DONE
 
 
+def _refuse_without_exact(options: Mapping[str, str | None]) -> None:
+    """Refuse options that name parts of logs that are kept exactly."""
+    from gpszip.errors import OptionError
+
+    for option, value in options.items():
+        if value is not None:
+            raise OptionError(f"{option} names what is kept exactly", remedy="add --exact")
+
+
 def _check_exact_options(
     at_times: str | None, selection: Selection, kind: str | None, hides: str | None
 ) -> None:
@@ -187,7 +206,6 @@ def _check_exact_options(
 
     options = {
         at_times: at_times is not None,
-        "--track": selection.tracks,
         "--since or --until": selection.has_times,
         "--bbox": selection.bbox is not None,
         "--format": kind is not None,
@@ -196,6 +214,10 @@ def _check_exact_options(
     for option, is_given in options.items():
         if is_given:
             raise OptionError(f"--exact and {option} were both given", remedy="give one")
+    if len(selection.tracks) > 1:
+        raise OptionError(
+            f"--exact and {len(selection.tracks)} tracks were given", remedy="give one --track"
+        )
 
 
 def _write_exact(
@@ -215,6 +237,42 @@ def _write_exact(
     elif target != "-":
         for path, size in written.items():
             print_status(f"{path}: {size:,} bytes")
+    return Outcome.DONE
+
+
+def _write_rows(
+    settings: Settings,
+    archive: str,
+    target: str | None,
+    tracks: Sequence[str],
+    columns: str | None,
+    log_name: str | None,
+    *,
+    force: bool,
+) -> Outcome:
+    """Write rows and columns of the logs that the archive keeps byte by byte."""
+    from gpszip.archive.exact_rows import choose_rows
+    from gpszip.cli.archives import open_archive_file
+    from gpszip.cli.output import print_json, print_status
+    from gpszip.cli.units import format_count
+    from gpszip.errors import OptionError
+    from gpszip.pipeline.exact_logs import write_rows
+
+    names = None if columns is None else [name.strip() for name in columns.split(",")]
+    track = tracks[0] if tracks else None
+    with open_archive_file(archive) as source:
+        chosen = choose_rows(source, track, names, log_name)
+        target = output_name(target, [archive], chosen.suffix, f"rows{chosen.suffix}")
+        if chosen.suffix == ".parquet" and target.endswith((".csv", ".txt", ".tsv")):
+            raise OptionError(
+                "rows of Parquet are written as Parquet", remedy="name the output .parquet"
+            )
+        rows, size = write_rows(chosen, target, force=force)
+    if settings.json:
+        facts = {"output": target, "logs": len(chosen.numbers), "rows": rows, "bytes": size}
+        print_json(facts, err=target == "-")
+    elif target != "-":
+        print_status(f"{target}: {format_count(rows, 'row')}, {size:,} bytes")
     return Outcome.DONE
 
 

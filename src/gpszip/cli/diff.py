@@ -71,7 +71,8 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 @click.option(
     "--exact",
     is_flag=True,
-    help="Compare every byte of the logs B with what compress --lossless kept of them in A.",
+    help="Compare every byte of the logs B, of Parquet every value, with what compress "
+    "--lossless kept of them in A.",
 )
 @click.option(
     "-o",
@@ -190,14 +191,15 @@ def _compare_bytes(settings: Settings, archive: str, logs: tuple[str, ...]) -> O
     from gpszip.cli.output import print_json
     from gpszip.io.logs.formats import is_bundle
     from gpszip.io.storage.source import spooled
-    from gpszip.pipeline.exact_logs import check_exact
+    from gpszip.pipeline.exact_logs import check_exact, exact_logs, kept_exactly
 
     with open_archive_file(archive) as source, spooled(logs, unzip=is_bundle) as sources:
         size = check_exact(source, sources)
+        what = kept_exactly(exact_logs(source))
     if settings.json:
         print_json({"archive": archive, "equal": True, "logs": len(sources), "bytes": size})
     else:
-        click.echo(f"{archive}: holds every byte; logs {len(sources):,}, bytes {size:,}")
+        click.echo(f"{archive}: holds {what}; logs {len(sources):,}, bytes {size:,}")
     return Outcome.DONE
 
 

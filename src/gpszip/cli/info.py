@@ -189,7 +189,9 @@ def _kept_rows(kept: list[str] | None, exact_logs: list[str]) -> list[tuple[str,
     """Return the lines about what is kept of the samples, and what is not."""
     # Logs that are kept byte by byte hold everything.
     if exact_logs:
-        return [("kept", f"every byte of the logs{_list_ids(exact_logs)}")]
+        has_parquet = any(name.lower().endswith((".parquet", ".pq")) for name in exact_logs)
+        of_parquet = ", of Parquet every value" if has_parquet else ""
+        return [("kept", f"every byte of the logs{of_parquet}{_list_ids(exact_logs)}")]
     if kept is None:
         return [("not kept", "further columns, and the exact times of the samples")]
     return [("kept", ", ".join(["times of the samples", *kept])), ("not kept", "other columns")]

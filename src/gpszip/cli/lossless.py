@@ -33,7 +33,8 @@ def lossless_options(command: Callable[..., Any]) -> Callable[..., Any]:
     lossless = click.option(
         "--lossless",
         is_flag=True,
-        help="Keep the logs themselves, too, byte by byte: decompress --exact returns them.",
+        help="Keep the logs themselves, too, byte by byte, of Parquet every value: decompress "
+        "--exact returns them.",
     )
     return lossless(remove(command))
 

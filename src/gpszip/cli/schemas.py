@@ -1079,8 +1079,11 @@ _OUTPUTS: dict[str, tuple[Fields, Fields]] = {
         {},
     ),
     "decompress --exact": (
-        {"output": "string|null: file or folder", "logs": "integer: logs written"},
-        {},
+        {"output": "string|null: file or folder", "logs": "integer: logs written, or read"},
+        {
+            "rows": "integer: rows written; with --track or --columns",
+            "bytes": "integer: bytes written; with --track or --columns",
+        },
     ),
     "listen": (
         {

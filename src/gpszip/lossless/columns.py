@@ -15,16 +15,24 @@ from gpszip.lossless.setting import EXACT, LAST_BIN, NEAR, Guide, Setting, no_gu
 if TYPE_CHECKING:
     from gpszip.codec.kernels.range_coder import Coder
 
-__all__ = ["MAX_VALUE", "CodedColumn", "decode_column", "encode_column"]
+__all__ = [
+    "CONSTANT",
+    "GUIDED",
+    "MAX_VALUE",
+    "CodedColumn",
+    "decode_column",
+    "encode_column",
+    "skip_column",
+]
 
 #: Integers have absolute values below this.
 MAX_VALUE = 1 << 57
 
 #: Methods: one value for all rows, or an order of thresholds of the column coder plus 1; with a
 #: guide 2 more.
-_CONSTANT = 0
+CONSTANT = 0
 _METHODS = 3
-_GUIDED = 2
+GUIDED = 2
 
 #: Rows by which order and guide are chosen, and the shares by which exact steps, and those with a
 #: guide, must be smaller: either takes about 1.5 times as long.
@@ -116,7 +124,7 @@ def encode_column(
         return b"", CodedColumn(values, 0, sizes)
     if (values == values[0]).all():
         column = CodedColumn(values, 0, sizes)
-        return bytes([_CONSTANT]) + encode_signed(int(values[0])), column
+        return bytes([CONSTANT]) + encode_signed(int(values[0])), column
 
     # Choose the order of thresholds by the first rows, then whether the guide helps.
     settings = [_choose(values, order) for order in (NEAR, EXACT)]
@@ -139,7 +147,7 @@ def encode_column(
     payload, sizes = best
 
     # The setting stands before the payload.
-    record = bytes([1 + setting.order + (0 if guide is None else _GUIDED)]) + b"".join(
+    record = bytes([1 + setting.order + (0 if guide is None else GUIDED)]) + b"".join(
         [
             encode_signed(int(values[0])),
             encode_signed(setting.usual),
@@ -172,11 +180,11 @@ def decode_column(
 
     # The method and the first value; of a constant, that is all.
     method = cursor.read_byte("a column's method")
-    if method >= _METHODS + (0 if guide is None else _GUIDED):
+    if method >= _METHODS + (0 if guide is None else GUIDED):
         raise cursor.error(f"no column is coded by method {method}")
     first = _read_value(cursor, "a first value")
     values = np.full(count, first, np.int64)
-    if method == _CONSTANT:
+    if method == CONSTANT:
         return values, CodedColumn(values, 0, sizes)
 
     # The setting and the payload.
@@ -189,13 +197,32 @@ def decode_column(
         raise cursor.error("the setting of a column is out of range")
 
     # The values; a method may leave the guide out.
-    if method <= _GUIDED:
+    if method <= GUIDED:
         guide = None
     setting = Setting((method - 1) % 2, usual, unit, shift, scale, first_bin)
     payload = cursor.read_bytes(cursor.read_varint("a payload's length"), "a payload")
     if not _decode_with(setting, payload, values, times, sides, sizes, guide):
         raise cursor.error(f"a column ends before its {count} values")
     return values, CodedColumn(values, shift, sizes)
+
+
+def skip_column(cursor: Cursor) -> int:
+    """Pass over a column of some values, and return its method: 0 if they are all the same.
+
+    Raises
+    ------
+    CorruptArchiveError
+        If the bytes are no column.
+    """
+    method = cursor.read_byte("a column's method")
+    cursor.read_signed("a first value")
+    if method == CONSTANT:
+        return method
+    cursor.read_signed("a usual step")
+    cursor.read_bytes(3, "a column's setting")
+    cursor.read_varint("a first mean error")
+    cursor.read_bytes(cursor.read_varint("a payload's length"), "a payload")
+    return method
 
 
 def _read_value(cursor: Cursor, what: str) -> int:

@@ -21,10 +21,11 @@ from gpszip.errors import CorruptArchiveError
 from gpszip.lossless.columns import decode_column, encode_column
 from gpszip.lossless.guide_search import GuideFinder
 from gpszip.lossless.notation import decode_notation, encode_notation, find_notation
+from gpszip.lossless.rows import cut_cells
 from gpszip.lossless.tables import decode_table, encode_table
 from gpszip.lossless.trails import Trails
 
-__all__ = ["MAX_BLOCK_BYTES", "decode_block", "encode_block"]
+__all__ = ["MAX_BLOCK_BYTES", "decode_block", "decode_cells", "encode_block"]
 
 #: A block is at most this long.
 MAX_BLOCK_BYTES = 1 << 22
@@ -47,6 +48,14 @@ _SHAPES_FREE = 64
 #: In a shape, this byte stands before the kind of a token; kinds are 0 to 4.
 _MARK = 0xFF
 _KINDS = 5
+
+#: Kinds that have a blank between date and time, and bytes that a token takes at most.
+_KINDS_WITH_BLANKS = (2, 3)
+_TOKEN_BYTES = 40
+
+#: Bytes of text.
+_QUOTE = 34
+_BLANK = 32
 
 _Ints = NDArray[np.int64]
 
@@ -75,11 +84,21 @@ class _Records:
 
     def write(self, size: int) -> bytes | None:
         """Return the text, or None where it is not ``size`` bytes long."""
+        text = np.zeros(size, np.uint8)
+        return text.tobytes() if self._write(text) else None
+
+    def write_within(self, capacity: int) -> bytes:
+        """Return text that ends with a newline, and is at most ``capacity`` bytes long."""
+        text = np.zeros(capacity, np.uint8)
+        self._write(text)
+        return text[: capacity - int((text[::-1] != 0).argmax())].tobytes()
+
+    def _write(self, text: NDArray[np.uint8]) -> bool:
+        """Write the text; return whether it is as long as the array."""
         from gpszip.lossless.kernels.tokens import write_records
 
-        text = np.zeros(size, np.uint8)
         lengths = [len(shape) for shape in self.shapes]
-        is_complete = write_records(
+        is_complete: bool = write_records(
             text,
             self.record_shapes,
             np.frombuffer(b"".join(self.shapes), np.uint8),
@@ -88,7 +107,7 @@ class _Records:
             self.decimals,
             self.widths,
         )
-        return text.tobytes() if is_complete else None
+        return is_complete
 
 
 def encode_block(text: bytes, finder: GuideFinder) -> bytes:
@@ -148,6 +167,141 @@ def decode_block(cursor: Cursor, size: int, trails: Trails | None = None) -> byt
     return text
 
 
+def decode_cells(
+    cursor: Cursor, size: int, trails: Trails, delimiter: int, columns: Sequence[int]
+) -> bytes:
+    r"""Decode some columns of a block of rows; others only where they predict these.
+
+    Parameters
+    ----------
+    size : int
+        Bytes of the block's text.
+    trails : Trails
+        The walks.
+    delimiter : int
+        The byte between cells.
+    columns : sequence of int
+        Numbers of the columns.
+
+    Returns
+    -------
+    bytes
+        Cells with the delimiter between them, and a newline after each row.
+
+    Raises
+    ------
+    CorruptArchiveError
+        If the bytes are no block of so many bytes of text.
+
+    Examples
+    --------
+    >>> from gpszip.lossless.trails import NO_TRAILS
+    >>> text = b"".join(b"%d,%d,%.2f\n" % (i, i * i % 99, i / 4) for i in range(1000))
+    >>> data = encode_block(text, GuideFinder(NO_TRAILS))
+    >>> decode_cells(Cursor(data), len(text), NO_TRAILS, ord(","), [2])[:15]
+    b'0.00\n0.25\n0.50\n'
+    """
+    # Only rows that are one record each are decoded in part.
+    inside = Cursor(cursor.data, cursor.offset, cursor.end, cursor.base)
+    if inside.read_byte("a block's method") == _GUIDED_TABLES:
+        shapes, record_shapes = _read_records(inside, size)
+        parts = [_cut_shape(shape, delimiter, columns) for shape in shapes]
+        # The last row of a log may lack its newline.
+        ends = np.array([shape.endswith(b"\n") for shape in shapes])
+        if not ends[record_shapes[:-1]].all():
+            parts = [None]
+        if all(part is not None for part in parts):
+            return _decode_parts(inside, shapes, record_shapes, parts, trails, size)
+    return cut_cells(decode_block(cursor, size, trails), delimiter, columns)
+
+
+def _decode_parts(
+    cursor: Cursor,
+    shapes: tuple[bytes, ...],
+    record_shapes: _Ints,
+    parts: Sequence[tuple[bytes, list[int]] | None],
+    trails: Trails,
+    size: int,
+) -> bytes:
+    """Decode parts of records: a shape of each, and which of its tokens stand there."""
+    # Where each token of a part comes from: record by record, token by token.
+    kinds = [_kinds(shape) for shape in shapes]
+    chosen = [part for part in parts if part is not None]
+    counts = np.array([len(tokens) for _, tokens in chosen], np.int64)
+    all_counts = np.array([len(each) for each in kinds], np.int64)
+    flat = np.concatenate([np.zeros(0, np.int64), *(np.array(t, np.int64) for _, t in chosen)])
+    starts = np.cumsum(all_counts[record_shapes]) - all_counts[record_shapes]
+    taken = counts[record_shapes]
+    within = np.arange(int(taken.sum())) - np.repeat(np.cumsum(taken) - taken, taken)
+    offsets = np.cumsum(counts) - counts
+    sources = np.repeat(starts, taken) + flat[np.repeat(offsets[record_shapes], taken) + within]
+
+    # Decode the columns that hold any of them.
+    tokens = int(all_counts[record_shapes].sum())
+    if tokens > size:
+        raise cursor.error(f"{tokens} numbers in {size} bytes")
+    is_wanted = np.zeros(tokens, np.bool_)
+    is_wanted[sources] = True
+    values = np.zeros(tokens, np.int64)
+    decimals, widths = np.zeros(tokens, np.uint8), np.zeros(tokens, np.uint8)
+    for places in _tables(kinds, record_shapes):
+        rows, fields = places.shape
+        notations = [decode_notation(cursor, rows) for _ in range(fields)]
+        wanted = np.flatnonzero(is_wanted[places].any(axis=0)).tolist()
+        columns = decode_table(cursor, rows, fields, trails, wanted)
+        for i in wanted:
+            place = places[:, i]
+            values[place], decimals[place], widths[place] = notations[i].apply(columns[i])
+    cursor.expect_end("the tables")
+
+    # A row ends with a newline, so that zeros after the last one are no text.
+    cut = tuple(shape for shape, _ in chosen)
+    lengths = np.array([len(shape) for shape in cut], np.int64)
+    capacity = int(lengths[record_shapes].sum()) + _TOKEN_BYTES * len(sources)
+    records = _Records(cut, record_shapes, values[sources], decimals[sources], widths[sources])
+    return records.write_within(capacity)
+
+
+def _cut_shape(
+    shape: bytes, delimiter: int, columns: Sequence[int]
+) -> tuple[bytes, list[int]] | None:
+    """Shape of some cells of a row, and their tokens; None for what is no single row."""
+    if shape.count(_QUOTE) % 2 or b"\0" in _literals(shape):
+        return None
+    # The cells, each with the number of its first token.
+    cells, tokens, quoted = [bytearray()], [0], False
+    number, i = 0, 0
+    body = shape.rstrip(b"\r\n")
+    while i < len(body):
+        if body[i] == _MARK:
+            if delimiter == _BLANK and body[i + 1] in _KINDS_WITH_BLANKS:
+                return None
+            cells[-1] += body[i : i + 2]
+            number, i = number + 1, i + 2
+            continue
+        quoted ^= body[i] == _QUOTE
+        if body[i] == delimiter and not quoted:
+            cells.append(bytearray())
+            tokens.append(number)
+        else:
+            cells[-1].append(body[i])
+        i += 1
+
+    # Those that are wanted; rows may have fewer.
+    parts, taken = [], []
+    for column in columns:
+        cell = bytes(cells[column]) if column < len(cells) else b""
+        parts.append(cell)
+        taken += [tokens[column] + j for j in range(cell.count(_MARK))]
+    return bytes([delimiter]).join(parts) + b"\n", taken
+
+
+def _literals(shape: bytes) -> bytes:
+    """Bytes of a shape without its tokens."""
+    parts = shape.split(bytes([_MARK]))
+    return parts[0] + b"".join(part[1:] for part in parts[1:])
+
+
 def _encode_tables(text: bytes, finder: GuideFinder) -> bytes | None:
     """Encode records as tables; None where they are not, or would not come back."""
     if not text or _MARK in text:
@@ -186,14 +340,7 @@ def _encode_tables(text: bytes, finder: GuideFinder) -> bytes | None:
 
 def _decode_tables(cursor: Cursor, size: int, trails: Trails | None) -> bytes:
     """Undo :func:`_encode_tables`."""
-    # Shapes. Each record takes a byte of text at least.
-    count = cursor.read_varint("the number of records")
-    shapes = _read_shapes(cursor, size)
-    if not shapes or not 0 < count <= size:
-        raise cursor.error(f"{count} records of {len(shapes)} shapes in {size} bytes")
-    record_shapes, _ = decode_column(cursor, count)
-    if record_shapes.min() < 0 or record_shapes.max() >= len(shapes):
-        raise cursor.error(f"a record has none of the {len(shapes)} shapes")
+    shapes, record_shapes = _read_records(cursor, size)
 
     # Tokens. Each takes a byte of text, too.
     kinds = [_kinds(shape) for shape in shapes]
@@ -222,6 +369,19 @@ def _decode_tables(cursor: Cursor, size: int, trails: Trails | None) -> bytes:
     if text is None:
         raise cursor.error(f"the records are not {size} bytes long")
     return text
+
+
+def _read_records(cursor: Cursor, size: int) -> tuple[tuple[bytes, ...], _Ints]:
+    """Read the shapes, and the number of the shape of each record."""
+    # Each record takes a byte of text at least.
+    count = cursor.read_varint("the number of records")
+    shapes = _read_shapes(cursor, size)
+    if not shapes or not 0 < count <= size:
+        raise cursor.error(f"{count} records of {len(shapes)} shapes in {size} bytes")
+    record_shapes, _ = decode_column(cursor, count)
+    if record_shapes.min() < 0 or record_shapes.max() >= len(shapes):
+        raise cursor.error(f"a record has none of the {len(shapes)} shapes")
+    return shapes, record_shapes
 
 
 def _split(text: bytes) -> _Records | None:

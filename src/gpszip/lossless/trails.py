@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["NO_TRAILS", "Trail", "Trails"]
+__all__ = ["NO_TRAILS", "NamedTrails", "Trail", "Trails"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,17 +59,25 @@ class Trails(Protocol):
         """Knots of a track; None for one without times."""
 
 
-class _NoTrails:
-    """Trails of an archive whose walks don't predict logs."""
+@dataclass(frozen=True)
+class NamedTrails:
+    """Trails of an archive whose walks don't predict logs.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Name of each track.
+    """
 
     names: Sequence[str] = ()
-    axes = 0
-    time_step = 0.0
+    axes: int = 0
+    time_step: float = 0.0
 
     def trail(self, number: int) -> Trail | None:
-        """There are no tracks."""
-        raise IndexError(number)
+        """None for any track."""
+        del number
+        return None
 
 
 #: Trails where there are no walks.
-NO_TRAILS: Trails = _NoTrails()
+NO_TRAILS: Trails = NamedTrails()

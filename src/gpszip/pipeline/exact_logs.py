@@ -7,9 +7,11 @@ from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any
 
 from gpszip.archive import Archive
 from gpszip.archive.exact import find_exact_logs, find_trails
+from gpszip.archive.exact_rows import ChosenFrames, ChosenRows
 from gpszip.container.contents import Section
 from gpszip.container.layout import EXACT_KINDS, SectionKind
 from gpszip.errors import CorruptArchiveError, InputError, OptionError
@@ -18,9 +20,15 @@ from gpszip.files.os_errors import as_output_error
 from gpszip.io.storage.expansion import read_chunk
 from gpszip.io.storage.sink import open_sink
 from gpszip.io.storage.source import Source
+from gpszip.lossless.layout import TableLayout
 from gpszip.lossless.logs import ExactLogs, write_exact_logs
 from gpszip.lossless.trails import NO_TRAILS
+from gpszip.pipeline.exact_frames import check_frames, find_frame
+from gpszip.pipeline.exact_layout import find_layout
 from gpszip.pipeline.spooled_section import spooled_section
+
+if TYPE_CHECKING:
+    from gpszip.lossless.frame_logs import FrameLog
 
 __all__ = [
     "check_exact",
@@ -30,10 +38,12 @@ __all__ = [
     "exact_name",
     "exact_section",
     "find_log",
+    "kept_exactly",
     "prove_exact",
     "remove_sources",
     "without_guides",
     "write_logs",
+    "write_rows",
 ]
 
 #: Bytes that are read and compared at a time.
@@ -72,8 +82,18 @@ def exact_section(
     names = [exact_name(source) for source in readable]
     logs = [(name, partial(_chunks, source)) for name, source in zip(names, readable, strict=True)]
     trails = NO_TRAILS if archive is None else find_trails(archive)
-    write = partial(write_exact_logs, logs, trails=trails)
+    layouts = find_layouts(readable, trails.names)
+    found = {exact_name(source): find_frame(source, frozenset(trails.names)) for source in readable}
+    frames = {name: frame for name, frame in found.items() if frame is not None}
+    write = partial(write_exact_logs, logs, trails=trails, layouts=layouts, frames=frames)
     return spooled_section(SectionKind.GUIDED_LOGS, write)
+
+
+def find_layouts(sources: Sequence[Source], tracks: Sequence[str]) -> dict[str, TableLayout]:
+    """Find the layouts of logs with rows and columns, by the names under which they are kept."""
+    names, is_only = frozenset(tracks), len(sources) == 1
+    found = {exact_name(source): find_layout(source, names, is_only=is_only) for source in sources}
+    return {name: layout for name, layout in found.items() if layout is not None}
 
 
 def check_keepable(sources: Sequence[Source | InputError]) -> list[Source]:
@@ -107,7 +127,15 @@ def without_guides(archive: Archive) -> Archive:
     if logs is None or not logs.is_guided:
         return archive
     kept = [(log.name, partial(logs.read, number)) for number, log in enumerate(logs.logs)]
-    section = spooled_section(SectionKind.GUIDED_LOGS, partial(write_exact_logs, kept))
+    layouts = {log.name: logs.layout(number) for number, log in enumerate(logs.logs)}
+    known = {name: layout for name, layout in layouts.items() if layout is not None}
+    frames = {}
+    for number, frame in logs.frames.items():
+        from gpszip.lossless.frame_logs import FrameSource
+
+        frames[logs.logs[number].name] = FrameSource(frame.head, partial(_batches, frame))
+    write = partial(write_exact_logs, kept, layouts=known, frames=frames)
+    section = spooled_section(SectionKind.GUIDED_LOGS, write)
     extras = [each for each in archive.contents.extras if each.kind not in EXACT_KINDS]
     contents = replace(archive.contents, extras=(*extras, section))
     return replace(archive, contents=contents)
@@ -138,6 +166,11 @@ def exact_logs(archive: Archive) -> ExactLogs:
             "the archive keeps no log exactly", remedy="compress the log with --lossless"
         )
     return logs
+
+
+def kept_exactly(logs: ExactLogs) -> str:
+    """What is kept of logs, for messages."""
+    return "every byte, of Parquet every value" if logs.frames else "every byte"
 
 
 def find_log(logs: ExactLogs, name: str) -> int:
@@ -180,7 +213,11 @@ def check_exact(archive: Archive, sources: Sequence[Source | InputError]) -> int
             raise source
         is_only = len(sources) == 1 and len(logs.logs) == 1
         number = 0 if is_only else find_log(logs, exact_name(source))
-        total += _compare(source, logs.read(number))
+        if number in logs.frames:
+            check_frames(source, logs.frames[number])
+            total += logs.logs[number].size
+        else:
+            total += _compare(source, logs.read(number))
     return total
 
 
@@ -257,11 +294,58 @@ def write_logs(
     elif target is not None:
         paths = [Path(target)]
 
+    sizes = []
     with atomic_write_all(paths, force=force) as temporary_paths:
         for number, path, name in zip(numbers, temporary_paths, names, strict=True):
             with as_output_error(name), path.open("wb") as file:
                 file.writelines(logs.read(number))
-    return {str(path): logs.logs[number].size for path, number in zip(paths, numbers, strict=True)}
+                sizes.append(file.tell())
+    return {str(path): size for path, size in zip(paths, sizes, strict=True)}
+
+
+def write_rows(rows: ChosenRows | ChosenFrames, target: str, *, force: bool) -> tuple[int, int]:
+    """Write chosen rows and columns of logs, with what stands before the rows in the log.
+
+    Parameters
+    ----------
+    rows : ChosenRows
+        The rows.
+    target : str
+        A file, or ``-`` for standard output.
+    force : bool
+        Whether to replace the file.
+
+    Returns
+    -------
+    rows, bytes : int
+        Numbers of rows, without what stands before them, and of bytes.
+
+    Raises
+    ------
+    OutputError
+        If the file exists, or can't be written.
+    CorruptArchiveError
+        If the archive is damaged.
+    """
+    lines, size = 0, 0
+
+    def counted() -> Iterator[bytes]:
+        nonlocal lines, size
+        for part, count in rows.parts():
+            lines, size = lines + count, size + len(part)
+            yield part
+
+    if target == "-":
+        with open_sink("-") as sink:
+            sink.writelines(counted())
+        return lines, size
+    with (
+        atomic_write_all([Path(target)], force=force) as paths,
+        as_output_error(target),
+        paths[0].open("wb") as file,
+    ):
+        file.writelines(counted())
+    return lines, size
 
 
 def check_removable(sources: Sequence[Source | InputError]) -> None:
@@ -296,6 +380,11 @@ def remove_sources(sources: Sequence[Source | InputError]) -> int:
         with as_output_error(str(path)):
             path.unlink()
     return len(paths)
+
+
+def _batches(frame: FrameLog, _rows: int) -> Iterator[Any]:
+    """Rows of a log of columns, in batches as they are kept."""
+    return frame.batches()
 
 
 def _chunks(source: Source) -> Iterator[bytes]:
