@@ -175,7 +175,7 @@ class SignalKParser:
         """The time of a day that is nearest to another one, which has a date."""
         days = round((near - time) / _DAY)
         if days:
-            self._notices.count("dates of a server that took a sentence on another day mended")
+            self._notices.count("times of sentences without a date put on the right day")
         return time + days * _DAY
 
     def _keep(self, agent: str, source: str, values: Mapping[str, Any], received: float) -> _State:
