@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from typing import Any, NamedTuple
 
 from gpszip.live.monitor.window import Window
@@ -78,9 +79,7 @@ class StayTimes:
             last = stays.pop()
             if new and new[0].start <= after:
                 stays.append(StayTime(last.start, new.pop(0).end))
-        stays += new
-
-        self._set(stays)
+        self._set(stays + new)
 
     def leave(self, time: float) -> None:
         """Note from when on the agent seems to be elsewhere; infinite if it is in place."""
@@ -90,16 +89,13 @@ class StayTimes:
 
     def _set(self, stays: list[StayTime]) -> None:
         """Take other stays; note the first fix that is of another one now, or of none."""
-        for old, now in zip(self._stays, stays, strict=False):
+        never = StayTime(math.inf, math.inf)
+        for old, now in zip_longest(self._stays, stays, fillvalue=never):
             if old != now:
                 same_start = old.start == now.start
                 first = min(old.end, now.end) if same_start else min(old.start, now.start)
                 self._changed = min(self._changed, first)
                 break
-        else:
-            longer = self._stays if len(self._stays) > len(stays) else stays
-            for extra in longer[min(len(stays), len(self._stays)) :][:1]:
-                self._changed = min(self._changed, extra.start)
         self._stays = stays
 
     def end(self, time: float) -> None:
