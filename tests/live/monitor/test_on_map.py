@@ -15,6 +15,7 @@ from gpszip.history.changes.closures import find_closures
 from gpszip.history.traversals import match_traversals
 from gpszip.live.events import standing
 from gpszip.live.monitor.on_map.known_map import KnownMap
+from gpszip.live.monitor.on_map.new_edges import NewEdges
 from gpszip.live.monitor.on_map.watch import MapWatch
 from gpszip.live.monitor.stays import STAY_KINDS
 from gpszip.pipeline.match import network_for
@@ -328,6 +329,27 @@ def test_a_path_off_the_map_is_a_new_edge_the_second_time(fleet, known_map):
     assert (new.agent, len(new.details["path"])) == ("", 16)
     assert new.details["length"] == pytest.approx(800, rel=0.2)
     assert new.time > 1.75e9 + 3000
+
+
+def test_a_new_edge_is_withdrawn_if_it_was_not_travelled_again(known_map):
+    path = np.stack([np.linspace(900, 1200, 20), np.zeros(20)], axis=1)
+    edges = NewEdges(known_map)
+    assert not edges.take("ann", 0, [(path, 100.0)], 100.0)
+    (told,) = edges.take("bob", 0, [(path[::-1], 200.0)], 200.0)
+    assert (told.kind, told.time) == ("new_edge", 200.0)
+
+    # Later fixes show that it was not; and that somebody else did before.
+    (withdrawn,) = edges.take("bob", 0, [], 300.0)
+    assert (withdrawn.revises, withdrawn.withdrawn) == (told.id, True)
+    (earlier,) = edges.take("cat", 0, [(path + 3.0, 50.0)], 400.0)
+    assert (earlier.time, earlier.withdrawn) == (100.0, False)
+    other = NewEdges(known_map)
+    other.restore(json.loads(json.dumps(edges.to_row())))
+    assert other.take("dan", 0, [(path, 500.0)], 500.0) == []
+
+    # Whoever is forgotten and begins anew takes nothing back.
+    other.forget("ann")
+    assert other.take("ann", 0, [], 600.0) == []
 
 
 def guard(laps, begin):

@@ -23,7 +23,6 @@ class _Told(NamedTuple):
     """A finding that was told: its id as an event, and what tells it from others."""
 
     id: str
-    first_id: str
     facts: str
     kind: str
     time: float
@@ -97,7 +96,8 @@ class ToldFindings:
         gone: dict[tuple[str, int | None], list[_Told]] = defaultdict(list)
         for told in (each for group in same.values() for each in group):
             gone[told.kind, told.directed].append(told)
-            self._versions[told.first_id] = self._versions.pop(told.first_id, 0) + 1
+            first_id = event_id(*self._named(told))
+            self._versions[first_id] = self._versions.pop(first_id, 0) + 1
 
         # Revisions and new ones in the order of travel, then what did not happen.
         events = []
@@ -126,16 +126,20 @@ class ToldFindings:
 
     def _tell(self, finding: Finding, received: float, before: _Told | None) -> Event:
         # What was revised or withdrawn comes back with an id of its own.
-        facts = (finding.kind, self._agent, f"{finding.time:.3f} {finding.directed}")
-        first_id = id = event_id(*facts)
+        names = self._named(finding)
+        first_id = id = event_id(*names)
         if first_id in self._versions:
-            id = event_id(*facts, self._versions[first_id])
+            id = event_id(*names, self._versions[first_id])
         what = (finding.kind, finding.time, finding.directed, finding.position)
-        self._told.append(_Told(id, first_id, _facts(finding), *what))
+        self._told.append(_Told(id, _facts(finding), *what))
         revises = None if before is None else before.id
         return make_event(
             self._agent, finding, received, id, revises=revises, geographic=self._geographic
         )
+
+    def _named(self, each: Finding | _Told) -> tuple[str, str, str]:
+        """What names an event."""
+        return each.kind, self._agent, f"{each.time:.3f} {each.directed}"
 
     def to_row(self) -> dict[str, Any]:
         """Return the state as a value of JSON."""

@@ -40,7 +40,7 @@ _HORIZON = 21_600.0
 _SPACING = 120.0
 
 #: Share of a state's age by which those beside it may be apart: older ones are kept less densely,
-#: so that there are about ten in all.
+#: so that there are about twenty in all.
 _MAX_APART = 0.5
 
 #: Events that may be revised: this share of the fixes that an agent may have.
