@@ -174,28 +174,6 @@ def test_events_are_written_once_and_go_on_after_a_restart(listen, tmp_path):
     assert {event.kind for event in found} >= {"stay.start", "trip.start", "trip.end"}
 
 
-def test_killed_at_any_moment_no_event_is_lost_or_comes_twice(tmp_path):
-    rng = random.Random(5)
-    events, journal = tmp_path / "events.ndjson", tmp_path / "journal"
-    for number in range(2):
-        with listening(journal, "-o", events, stdin=subprocess.PIPE) as listener:
-            listener.process.stdin.write(walk(100 * number, 100))
-            listener.process.stdin.flush()
-            want = 100 * (number + 1)
-            assert wait_until(lambda: len(stored(journal)) == want)  # noqa: B023
-            time.sleep(rng.uniform(0, 0.3))
-            listener.process.kill()
-            listener.process.stdin.close()
-
-    # What was stored when it was killed last has its events now.
-    with listening(journal, "-o", events, stdin=subprocess.PIPE) as listener:
-        listener.process.stdin.close()
-        assert listener.process.wait(60) == 0
-    found = [Event.from_json(line) for line in events.read_text().splitlines()]
-    assert len({event.id for event in found}) == len(found)
-    assert {event.id for event in standing(found)} == expected_events(journal)
-
-
 def test_events_do_not_go_to_files_of_the_journal(listen, tmp_path):
     code, told = listen("", "-o", tmp_path / "journal" / "events")
     assert (code, "the journal has its own files there" in told.err) == (2, True)

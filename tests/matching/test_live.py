@@ -1,3 +1,4 @@
+import json
 import math
 
 import numpy as np
@@ -187,3 +188,24 @@ def test_averaged_samples_are_matched_as_in_the_batch(seed):
     assert [one.time for one in finalised] == step_times.tolist()
     np.testing.assert_array_equal(directed_roads(finalised) >> 1, roads >> 1)
     assert all(one.converged for one in finalised)
+
+
+@pytest.mark.parametrize(("noise", "lag"), [(4.0, 100), (25.0, 3)])
+def test_a_matcher_goes_on_where_the_state_of_another_one_was_taken(noise, lag):
+    buses = drives(vehicles=1, period=2.0, duration=400.0, seed=1, noise=noise, block=150.0)
+    times, positions = buses["bus-0"]
+    kept = ~((times > 200) & (times < 290))
+    track = Track("bus", times[kept], positions[kept])
+    index = index_network(town(block=150.0))
+    scales = match(track, index.network).scales if noise > 20 else SCALES
+    whole, passed_on, other = (LiveMatcher(index, scales, lag=lag, gap=60.0) for _ in range(3))
+    for number, (time, place) in enumerate(zip(track.times.tolist(), track.positions, strict=True)):
+        if number % 3 == 0:
+            # A matcher that was somewhere else before takes over.
+            other.push(time + 1.0, place[::-1])
+            other.restore(json.loads(json.dumps(passed_on.state())))
+            passed_on, other = other, passed_on
+        expected, found = (each.push(time, place) for each in (whole, passed_on))
+        assert repr(found._replace(next=())) == repr(expected._replace(next=()))
+        assert repr(found.finalised) == repr(expected.finalised)
+    assert repr(passed_on.finish()) == repr(whole.finish())

@@ -46,6 +46,10 @@ _PERIOD = 1.0
 _SAVE_SECONDS = 30.0
 _SAVE_FACTOR = 50.0
 
+#: Seconds by which time passes later for the monitor: fixes that were received before are in the
+#: journal by then. So it finds the same when it reads the journal again.
+_TICK_LAG = 2.0
+
 #: Seconds until events are tried again that the disk did not take.
 _RETRY_SECONDS = 1.0
 
@@ -150,7 +154,7 @@ class Follower:
 
     async def _tick(self) -> bool:
         """Let time pass."""
-        await self._put(await asyncio.to_thread(self._monitor.tick, time.time()))
+        await self._put(await asyncio.to_thread(self._monitor.tick, time.time() - _TICK_LAG))
         return True
 
     async def _save(self) -> bool:

@@ -15,6 +15,7 @@ import contextlib
 import errno
 import json
 import os
+import sys
 import threading
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
@@ -176,18 +177,33 @@ class Lock:
             self._file = None
 
 
-def _lock_file(file: IO[bytes]) -> bool:
-    try:
-        import fcntl
-    except ImportError:  # Windows has no such locks, so that two writers are the user's matter
+if sys.platform == "win32":
+
+    def _lock_file(file: IO[bytes]) -> bool:
+        import msvcrt
+
+        # The first byte, which need not be there.
+        file.seek(0)
+        try:
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        except OSError as error:
+            if error.errno not in (errno.EACCES, errno.EDEADLK):
+                raise
+            return False
         return True
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        if error.errno not in (errno.EAGAIN, errno.EACCES):
-            raise
-        return False
-    return True
+
+else:
+
+    def _lock_file(file: IO[bytes]) -> bool:
+        import fcntl
+
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno not in (errno.EAGAIN, errno.EACCES):
+                raise
+            return False
+        return True
 
 
 class Journal:

@@ -15,7 +15,7 @@ __all__ = ["PlaceRead", "read_place", "state_error", "state_path"]
 
 #: Name of the file with the state, and its version.
 _STATE = "monitor"
-_VERSION = 1
+_VERSION = 2
 
 
 class PlaceRead(NamedTuple):

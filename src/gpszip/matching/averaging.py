@@ -8,7 +8,8 @@ the error of the mean is smaller by the root of their number.
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from collections.abc import Mapping
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -234,6 +235,19 @@ class RunningAverage:
         ]
         self._recent, self._dropped, self._averaged = [], 0, 0
         return ready
+
+    def state(self) -> dict[str, Any]:
+        """Return the samples that later means need as a value of JSON."""
+        recent = [[t, position.tolist(), heading.tolist()] for t, position, heading in self._recent]
+        return {"recent": recent, "counts": [self._dropped, self._averaged]}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on where :meth:`state` was taken."""
+        self._recent = [
+            (time, np.array(position, np.float64), np.array(heading, np.float64))
+            for time, position, heading in state["recent"]
+        ]
+        self._dropped, self._averaged = state["counts"]
 
     def _mean(self, side: int) -> Sample:
         """The next sample, averaged with ``side`` samples before and after it."""

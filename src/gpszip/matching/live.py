@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import math
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -264,6 +266,67 @@ class LiveMatcher:
         self._steps = self._steps_since_gap = self._finalised_steps = 0
         return finalised
 
+    def state(self) -> dict[str, Any]:
+        """Return where the matcher stands as a value of JSON: :meth:`restore` goes on from there.
+
+        It holds the time steps that are not finalised, a few hundred bytes each. Roads that may
+        come next are told again from the sample after it on.
+        """
+        # One step more than is read: the last one may be replaced by the end of its run.
+        first = max(0, min(self._finalised_steps, self._steps - 2) - 1)
+        steps = range(max(first, self._steps - len(self._step_times)), self._steps)
+        slots = [step % len(self._step_times) for step in steps]
+        here = self._position
+        return {
+            "steps": [self._steps, self._steps_since_gap, self._finalised_steps],
+            "times": [self._step_times[slot] for slot in slots],
+            "positions": [self._step_positions[slot] for slot in slots],
+            "candidates": [self._packed(slot) for slot in slots],
+            "newest": self._newest_time if math.isfinite(self._newest_time) else None,
+            "last": None if self._last is None else _sample_row(*self._last[:3]),
+            "has_step": self._last is not None and self._last.has_step,
+            "here": None if here is None else [*here[:7]],
+            "average": self._average.state(),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on where :meth:`state` was taken, of a matcher with the same roads and options."""
+        # The time steps.
+        self._steps, self._steps_since_gap, self._finalised_steps = state["steps"]
+        rows = zip(state["times"], state["positions"], state["candidates"], strict=True)
+        for step, (time, position, packed) in enumerate(rows, self._steps - len(state["times"])):
+            slot = step % len(self._step_times)
+            self._step_times[slot], self._step_positions[slot] = time, list(position)
+            self._unpack(slot, packed)
+
+        # The last samples.
+        self._newest_time = -math.inf if state["newest"] is None else state["newest"]
+        self._last = self._position = None
+        if state["last"] is not None:
+            self._last = _LastSample(*_read_sample(state["last"]), has_step=state["has_step"])
+        if state["here"] is not None:
+            self._position = LivePosition._make([*state["here"], (), ()])
+        self._average.restore(state["average"])
+
+    def _packed(self, slot: int) -> str:
+        """The candidates of a time step as text."""
+        ring = self._ring
+        low = slot * len(ring.transition_costs)
+        rows = slice(low, low + int(ring.counts[slot]))
+        columns = [column[rows].tobytes() for column in (*ring.candidates, ring.log_forward)]
+        return base64.b85encode(b"".join(columns)).decode("ascii")
+
+    def _unpack(self, slot: int, packed: str) -> None:
+        """Take over what :meth:`_packed` returned."""
+        ring, data = self._ring, base64.b85decode(packed)
+        columns = (*ring.candidates, ring.log_forward)
+        count = len(data) // sum(column.itemsize for column in columns)
+        low, begin = slot * len(ring.transition_costs), 0
+        ring.counts[slot] = count
+        for column in columns:
+            column[low : low + count] = np.frombuffer(data, column.dtype, count, begin)
+            begin += count * column.itemsize
+
     def _match_samples(self, samples: list[Sample]) -> tuple[FinalisedPosition, ...]:
         """Match samples in turn; return the positions that they finalise."""
         finalised: tuple[FinalisedPosition, ...] = ()
@@ -487,3 +550,12 @@ class LiveMatcher:
             NextRoad(int(out) >> 1, not int(out) & 1, float(probability))
             for out, probability in zip(roads, probabilities, strict=True)
         )
+
+
+def _sample_row(time: float, position: Floats, heading: Floats) -> list[Any]:
+    return [time, position.tolist(), heading.tolist()]
+
+
+def _read_sample(row: list[Any]) -> Sample:
+    time, position, heading = row
+    return time, np.array(position, np.float64), np.array(heading, np.float64)

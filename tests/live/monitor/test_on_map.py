@@ -15,7 +15,9 @@ from gpszip.history.changes.closures import find_closures
 from gpszip.history.traversals import match_traversals
 from gpszip.live.events import standing
 from gpszip.live.monitor.on_map.known_map import KnownMap
+from gpszip.live.monitor.on_map.new_edges import NewEdges
 from gpszip.live.monitor.on_map.watch import MapWatch
+from gpszip.live.monitor.stays import STAY_KINDS
 from gpszip.pipeline.match import network_for
 from gpszip.testing import close_road, shuttles
 
@@ -205,16 +207,23 @@ def test_errors_of_a_receiver_in_place_tell_nothing_again_and_again(road, away):
     errors = np.random.default_rng(1).normal(0, 15, (2000, 2))
     drift = [tuple(each) for each in np.array([400.0, -away]) + errors]
     found = drive(rough, [*[(50.0 * n, 0.0) for n in range(9)], *drift], period=10.0)
-    told = Counter(event.kind for event in found)
+    told = Counter(event.kind for event in standing(found))
     assert told["stay.start"] == 1
     kinds = ("off_map.start", "off_map.end", "unusual.stop", "unusual.turn", "wrong_way")
     assert all(told[kind] <= 1 for kind in kinds), told
+
+    # Nor does it travel edges; what was told before it was sure to stay is withdrawn.
+    (stay,) = (event.time for event in found if event.kind == "stay.start")
+    edges = [event for event in standing(found) if event.kind.startswith("edge")]
+    assert edges
+    assert all(event.time <= stay + 10.0 for event in edges)
+    assert sum(event.withdrawn for event in found) < 40
 
 
 def test_whoever_stays_off_the_map_comes_back_once(road):
     out = [(400.0, -40.0 * n) for n in range(1, 8)]
     way = [*[(50.0 * n, 0.0) for n in range(9)], *out, *[(400.0, -280.0)] * 60, *out[::-1]]
-    found = drive(road, [*way, *[(400.0 + 40 * n, 0.0) for n in range(10)]], period=10.0)
+    found = standing(drive(road, [*way, *[(400.0 + 40 * n, 0.0) for n in range(10)]], period=10.0))
     assert "stay.start" in [event.kind for event in found]
     kinds = [event.kind for event in found if event.kind.startswith("off_map")]
     assert kinds == ["off_map.start", "off_map.end"]
@@ -269,7 +278,8 @@ def test_what_was_saved_on_another_map_is_left(fleet, known_map, road):
     second.restore(json.loads(json.dumps(list(first.states()))))
     head, *agents = second.states()
     assert head["watch"]["closures"]["passes"] == {}
-    assert [agent["on_map"]["current"] for agent in agents] == [None] * len(agents)
+    current = [agent["on_map"]["reader"]["passes"]["current"] for agent in agents]
+    assert current == [None] * len(agents)
 
 
 def test_a_closed_road_is_told_and_an_open_one_is_not(known_map, closed, events):
@@ -321,6 +331,27 @@ def test_a_path_off_the_map_is_a_new_edge_the_second_time(fleet, known_map):
     assert new.time > 1.75e9 + 3000
 
 
+def test_a_new_edge_is_withdrawn_if_it_was_not_travelled_again(known_map):
+    path = np.stack([np.linspace(900, 1200, 20), np.zeros(20)], axis=1)
+    edges = NewEdges(known_map)
+    assert not edges.take("ann", 0, [(path, 100.0)], 100.0)
+    (told,) = edges.take("bob", 0, [(path[::-1], 200.0)], 200.0)
+    assert (told.kind, told.time) == ("new_edge", 200.0)
+
+    # Later fixes show that it was not; and that somebody else did before.
+    (withdrawn,) = edges.take("bob", 0, [], 300.0)
+    assert (withdrawn.revises, withdrawn.withdrawn) == (told.id, True)
+    (earlier,) = edges.take("cat", 0, [(path + 3.0, 50.0)], 400.0)
+    assert (earlier.time, earlier.withdrawn) == (100.0, False)
+    other = NewEdges(known_map)
+    other.restore(json.loads(json.dumps(edges.to_row())))
+    assert other.take("dan", 0, [(path, 500.0)], 500.0) == []
+
+    # Whoever is forgotten and begins anew takes nothing back.
+    other.forget("ann")
+    assert other.take("ann", 0, [], 600.0) == []
+
+
 def guard(laps, begin):
     """Rounds of a guard: a block, and then a spur, which some laps leave out."""
     block = [(90, 0), (90, 60), (0, 60), (0, 0)]
@@ -350,3 +381,63 @@ def test_a_patrol_completes_rounds_and_misses_edges():
     (missed,) = (event for event in found if event.kind == "missed")
     assert missed.position[0] < 0
     assert sum(event.kind == "visited" for event in found) >= len(rounds)
+
+
+def facts(events):
+    """What a reader of events knows in the end: of the map all, of stays and trips their times."""
+    return sorted(
+        (event.kind, event.agent, event.time, _of_map(event))
+        for event in standing(events)
+        # Sources are about arrival; closures are told again if they move by a second.
+        if not event.kind.startswith(("source", "closed"))
+    )
+
+
+def _of_map(event):
+    if event.kind in STAY_KINDS:
+        return ""
+    return json.dumps([event.edge, event.forward, event.offset, event.position, event.details])
+
+
+@pytest.fixture(scope="module")
+def in_order(fleet):
+    """Fixes of 50 minutes, in which a bus also stays for ten minutes off the map."""
+    fixes = fixes_of([part(fleet[1][0], 0, fleet[1][0].times[0] + 1800)])
+    begin, place = fixes[-1].time, np.array(fixes[-1].position)
+    errors = np.random.default_rng(3).normal(0, 6, (40, 2))
+    away = [place + np.array([0, 25.0 * n]) for n in range(1, 12)]
+    way = [*away, *(away[-1] + errors), *away[::-1]]
+    more = [
+        replace(fixes[-1], time=begin + 20.0 * n, position=tuple(each.tolist()))
+        for n, each in enumerate(way, 1)
+    ]
+    return [replace(fix, received=fix.time) for fix in [*fixes, *more]]
+
+
+@pytest.fixture(scope="module")
+def in_order_facts(in_order, known_map):
+    monitor = monitor_on(known_map)
+    return facts([each for fix in in_order for each in monitor.push(fix)] + monitor.close())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_in_whatever_order_fixes_come_the_same_events_stand(
+    in_order, in_order_facts, known_map, seed
+):
+    # Some come late by up to half an hour, and all of a while come together, after it.
+    rng = np.random.default_rng(seed)
+    times = np.array([fix.time for fix in in_order])
+    delays = np.where(rng.random(len(times)) < 0.05, rng.uniform(0, 1800, len(times)), 0.0)
+    begin, end = np.sort(rng.choice(len(times), 2))
+    delays[begin:end] = times[end] + 30 - times[begin:end]
+    fixes = [
+        replace(fix, received=fix.time + delay)
+        for fix, delay in zip(in_order, delays.tolist(), strict=True)
+    ]
+    fixes.sort(key=lambda fix: fix.received)
+
+    monitor = monitor_on(known_map)
+    found = [event for fix in fixes for event in monitor.push(fix)] + monitor.close()
+    assert facts(found) == in_order_facts
+    assert len({event.id for event in found}) == len(found)
+    assert any(event.revises for event in found)

@@ -23,6 +23,8 @@ from live.receiving import run as finish
 
 needs_websockets = pytest.mark.skipif(find_spec("websockets") is None, reason="needs gpszip[live]")
 
+DAY = 86_400
+
 SELF = "vessels.urn:mrn:signalk:uuid:c0d79334-4e25-4245-8892-54e8ccc8021d"
 OTHER = "vessels.urn:mrn:imo:mmsi:230099999"
 HELLO = {"name": "boat", "version": "2.8.0", "self": SELF, "roles": ["main"], "timestamp": ISO}
@@ -95,6 +97,26 @@ def test_speed_and_course_are_those_of_the_source_and_not_old():
         delta(SELF, at(1.0), seconds=9),
     )
     assert [(fix.speed, fix.heading) for fix in fixes] == [(5.0, None), (None, None)]
+
+
+def test_a_sentence_without_a_date_is_of_the_day_of_the_one_with_a_date():
+    # As a real server sends them: it takes its own date for the time of day of GGA.
+    def sentence(kind, day, lat, seconds=0):
+        message = delta(SELF, at(lat), seconds=seconds)
+        (update,) = message["updates"]
+        update["source"] = {"type": "NMEA0183", "sentence": kind, "label": "gps.1"}
+        update["timestamp"] = update["timestamp"].replace("-18T", f"-{day}T")
+        return message
+
+    # A log of another day, a receiver across midnight, and a date that is known.
+    fixes, _ = parse(
+        sentence("RMC", 15, 1.0), sentence("GGA", 18, 1.0), sentence("GLL", 18, 2.0, seconds=5)
+    )
+    assert [fix.time - TIME for fix in fixes] == [-3 * DAY, -3 * DAY, -3 * DAY + 5]
+    (fix,), _ = parse(sentence("GGA", 19, 1.0))
+    assert fix.time == TIME
+    (fix,), _ = parse(sentence("RMC", 17, 1.0))
+    assert fix.time == TIME - DAY
 
 
 def test_a_position_without_a_time_counts_when_it_comes_and_a_lost_one_does_not():

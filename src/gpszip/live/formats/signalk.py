@@ -6,6 +6,7 @@ m/s, times ISO 8601.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections import OrderedDict
 from collections.abc import Mapping
@@ -37,6 +38,13 @@ SIGNALK_PATHS = (_POSITION, _SPEED, _COURSE)
 #: Seconds for which a speed or course belongs to positions of its source.
 _MAX_AGE = 5.0
 
+#: Sentences of NMEA that have a time of day and no date: a server takes its own date for them. And
+#: the one that has a date.
+_UNDATED, _DATED = frozenset({"GGA", "GLL", "GNS"}), "RMC"
+
+#: Seconds of a day.
+_DAY = 86_400.0
+
 #: Vessels and their sources whose last speed and course are kept.
 _MAX_STATES = 20_000
 
@@ -46,12 +54,14 @@ _MAX_SOURCE_LETTERS = 100
 
 @dataclass(slots=True)
 class _State:
-    """Last speed in m/s and course in degrees of a source, and when they came."""
+    """Last speed in m/s and course in degrees of a source, when they came, and its last date."""
 
     speed: float | None = None
     speed_at: float = -math.inf
     course: float | None = None
     course_at: float = -math.inf
+    dated: float | None = None
+    dated_at: float = -math.inf
 
 
 class SignalKParser:
@@ -126,6 +136,11 @@ class SignalKParser:
         }
         source = _source_of(update)
         state = self._keep(agent, source, values, context.received)
+        sentence = _sentence_of(update)
+        if sentence == _DATED:
+            with contextlib.suppress(MessageError):
+                state.dated = read_time(update.get("timestamp"), context)
+                state.dated_at = context.received
         if _POSITION not in values:
             return []
         position = values[_POSITION]
@@ -137,6 +152,9 @@ class SignalKParser:
             time = read_time(update.get("timestamp"), context)
         except MessageError as error:
             return [Unusable(agent, str(error))]
+        if time is not None and sentence in _UNDATED:
+            is_new = context.received - state.dated_at < _MAX_AGE
+            time = self._with_date(time, (state.dated if is_new else None) or context.received)
         fix = make_fix(
             context,
             agent,
@@ -152,6 +170,13 @@ class SignalKParser:
             self._notices.count("positions of a second source of one vessel left out")
             return []
         return [fix]
+
+    def _with_date(self, time: float, near: float) -> float:
+        """The time of a day that is nearest to another one, which has a date."""
+        days = round((near - time) / _DAY)
+        if days:
+            self._notices.count("times of sentences without a date put on the right day")
+        return time + days * _DAY
 
     def _keep(self, agent: str, source: str, values: Mapping[str, Any], received: float) -> _State:
         """Keep speed and course, and return those of the source."""
@@ -174,6 +199,13 @@ class SignalKParser:
 def _end_of(urn: str) -> str:
     """Return the end of a URN, which is an MMSI or a UUID; URLs stay whole."""
     return urn.rpartition(":")[2] if urn.startswith("urn:") else urn
+
+
+def _sentence_of(update: Mapping[str, Any]) -> str:
+    """Return the kind of the sentence of NMEA that an update was; nothing for others."""
+    source = update.get("source")
+    sentence = source.get("sentence") if isinstance(source, Mapping) else None
+    return sentence if isinstance(sentence, str) else ""
 
 
 def _source_of(update: Mapping[str, Any]) -> str:

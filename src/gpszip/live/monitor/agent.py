@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from gpszip.history.stays.values import Settings
@@ -31,6 +32,10 @@ _SAME_EPOCH = 0.05
 
 #: Seconds by which a late fix may be before all others, 32 years; earlier times have another zero.
 _MAX_BEFORE = 1e9
+
+#: Seconds for which late fixes wait for others, and for each fix that was read again last: that
+#: takes 1 ms.
+_LATE_SECONDS, _SECONDS_PER_FIX = 1.0, 0.01
 
 
 class AgentMonitor:
@@ -67,7 +72,8 @@ class AgentMonitor:
         self.received = 0.0
         self._window = Window(geographic=geographic)
         self._known = KnownEvents(agent, geographic=geographic)
-        self._stays = StayTracker(self._window, self._known, settings)
+        standing = math.inf if known_map is None else known_map.standing
+        self._stays = StayTracker(self._window, self._known, settings, standing)
         self._gaps = GapTracker(self._window, self._known, silent_after)
         self._sources = SourceTracker(self._known)
         self._used: Fix | None = None
@@ -78,20 +84,18 @@ class AgentMonitor:
             # Without a map, no kernels are loaded.
             from gpszip.live.monitor.on_map.tracker import MapTracker
 
-            self.on_map = MapTracker(agent, known_map, self._window, self._known)
+            self.on_map = MapTracker(
+                agent, known_map, self._window, self._stays.times, silent_after
+            )
 
-        #: Whether late fixes wait until the window is read again.
-        self.is_late = False
+        #: When fixes that came late are read, in seconds of the clock; infinite if there are none.
+        self.reading_due = math.inf
+        self._first_late = math.inf
 
     @property
     def is_silent(self) -> bool:
         """Whether it was told to be silent."""
         return self._gaps.is_silent
-
-    @property
-    def is_staying(self) -> bool:
-        """Whether it stays in place."""
-        return self._stays.is_staying
 
     def is_usable(self, fix: Fix) -> bool:
         """Whether a fix is to be used, the next in time: not the second report of one moment."""
@@ -120,20 +124,13 @@ class AgentMonitor:
         events = self._sources.take(fix)
         if self._stays.is_far(fix):
             events += self._stays.cut(fix.received)
+            if self.on_map is not None:
+                events += self.on_map.cut(fix.received)
         self._window.add(fix)
-        was_silent = self._gaps.is_silent
         events += self._gaps.take(fix.received, self._stays.settled)
-        was_staying = self._stays.is_staying
         events += self._stays.take(fix, capacity)
-        if self.on_map is None:
-            return events
-
-        # A trip is over where a stay begins, or where a gap is long.
-        if was_silent or any(event.kind == "silent" for event in events):
-            events += self.on_map.rest(is_over=True)
-        events += self.on_map.take(fix, stays_since=self._stays.since)
-        if self._stays.is_staying and not was_staying:
-            events += self.on_map.rest(is_over=True)
+        if self.on_map is not None:
+            events += self.on_map.take(fix.received, capacity)
         return events
 
     def take_late(self, fix: Fix) -> bool:
@@ -145,7 +142,11 @@ class AgentMonitor:
             return False
         if window.add(fix):
             self._stays.take_late(fix.time)
-            self.is_late = True
+            self._first_late = min(self._first_late, fix.time)
+            if math.isinf(self.reading_due):
+                # What follows it is read again, so that others wait with it.
+                again = 0 if self.on_map is None else self.on_map.read_again
+                self.reading_due = self.received + _LATE_SECONDS + _SECONDS_PER_FIX * again
         return True
 
     def read(self, received: float, *, goes_on: bool = True) -> list[Event]:
@@ -158,15 +159,18 @@ class AgentMonitor:
         goes_on : bool, default True
             Whether fixes follow.
         """
-        self.is_late = False
+        late, self._first_late, self.reading_due = self._first_late, math.inf, math.inf
         events = self._gaps.read(received, self._stays.settled, is_silent=self._gaps.is_silent)
-        return events + self._stays.read(received, goes_on=goes_on)
+        events += self._stays.read(received, goes_on=goes_on)
+        if self.on_map is not None:
+            events += self.on_map.revise(late, received)
+        return events
 
     def fall_silent(self, now: float) -> list[Event]:
         """Return the events of an agent that was not heard of for too long."""
         events = self._gaps.read(now, self._stays.settled, is_silent=True)
         if self.on_map is not None:
-            events += self.on_map.rest(is_over=True)
+            events += self.on_map.rest(now, is_over=True)
         return events
 
     def refuse(self, time: float, received: float) -> list[Event]:
@@ -187,7 +191,7 @@ class AgentMonitor:
             "silent": self._gaps.is_silent,
             "sources": self._sources.to_row(),
             "used": None if self._used is None else self._used.to_row(),
-            "late": self.is_late,
+            "late": [_finite(self._first_late), _finite(self.reading_due)],
             "on_map": None if self.on_map is None else self.on_map.to_row(),
         }
 
@@ -204,6 +208,12 @@ class AgentMonitor:
         self._gaps.is_silent = row["silent"]
         self._sources.restore(row["sources"])
         self._used = None if row["used"] is None else Fix.from_row(row["used"])
-        self.is_late = row["late"]
+        self._first_late, self.reading_due = (
+            math.inf if each is None else each for each in row["late"]
+        )
         if self.on_map is not None and row["on_map"] is not None:
             self.on_map.restore(row["on_map"])
+
+
+def _finite(time: float) -> float | None:
+    return time if math.isfinite(time) else None

@@ -9,7 +9,7 @@ from typing import Any
 from gpszip.live.events import Event, event_id
 from gpszip.live.fix import Fix, distance
 
-__all__ = ["Finding", "KnownEvents"]
+__all__ = ["Finding", "KnownEvents", "make_event", "make_withdrawal"]
 
 #: Seconds by which the time of an event may change without a revision.
 _TIME_TOLERANCE = 1.0
@@ -197,44 +197,23 @@ class KnownEvents:
         return first if count == 1 else event_id(*facts, count)
 
     def _make(self, finding: Finding, received: float, id: str, revises: str | None) -> Event:
-        return Event(
-            finding.kind,
-            id,
-            self._agent,
-            finding.time,
-            received,
-            revises=revises,
-            edge=None if finding.directed is None else finding.directed >> 1,
-            forward=None if finding.directed is None else not finding.directed & 1,
-            offset=finding.offset,
-            confidence=finding.confidence,
-            position=finding.position,
-            geographic=self._geographic,
-            why=finding.why,
-            details=finding.details,
+        return make_event(
+            self._agent, finding, received, id, revises=revises, geographic=self._geographic
         )
 
     def _withdrawal(self, told: _Told, received: float) -> Event:
-        # What comes back revises it.
-        id = event_id("withdrawn", told.id)
-        self._withdrawn.append(replace(told, id=id))
-        del self._withdrawn[:-_MAX_WITHDRAWN]
-
-        # The event says where and when it did not happen.
-        return Event(
-            told.kind,
-            id,
+        event = make_withdrawal(
             self._agent,
-            told.time,
+            Finding(told.kind, told.time, told.position, directed=told.directed),
             received,
-            revises=told.id,
-            withdrawn=True,
-            edge=None if told.directed is None else told.directed >> 1,
-            forward=None if told.directed is None else not told.directed & 1,
-            position=told.position,
+            told.id,
             geographic=self._geographic,
-            why="later fixes contradict it",
         )
+
+        # What comes back revises it.
+        self._withdrawn.append(replace(told, id=event.id))
+        del self._withdrawn[:-_MAX_WITHDRAWN]
+        return event
 
     def to_rows(self) -> list[list[Any]]:
         """Return what is known as a value of JSON."""
@@ -256,6 +235,54 @@ class KnownEvents:
             place = None if position is None else tuple(position)
             group = self._told if known == "told" else self._withdrawn
             group.append(_Told(kind, time, id, place, mark, directed))
+
+
+def make_event(
+    agent: str,
+    finding: Finding,
+    received: float,
+    id: str,
+    *,
+    revises: str | None = None,
+    geographic: bool,
+) -> Event:
+    """Return a finding as an event."""
+    return Event(
+        finding.kind,
+        id,
+        agent,
+        finding.time,
+        received,
+        revises=revises,
+        edge=None if finding.directed is None else finding.directed >> 1,
+        forward=None if finding.directed is None else not finding.directed & 1,
+        offset=finding.offset,
+        confidence=finding.confidence,
+        position=finding.position,
+        geographic=geographic,
+        why=finding.why,
+        details=finding.details,
+    )
+
+
+def make_withdrawal(
+    agent: str, told: Finding, received: float, told_id: str, *, geographic: bool
+) -> Event:
+    """Return the event that says where and when another one did not happen."""
+    return Event(
+        told.kind,
+        event_id("withdrawn", told_id),
+        agent,
+        told.time,
+        received,
+        revises=told_id,
+        withdrawn=True,
+        edge=None if told.directed is None else told.directed >> 1,
+        forward=None if told.directed is None else not told.directed & 1,
+        position=told.position,
+        geographic=geographic,
+        why="later fixes contradict it",
+    )
 
 
 def _nearest(group: Sequence[_Told], finding: Finding) -> _Told | None:

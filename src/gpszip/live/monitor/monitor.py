@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 import os
 from collections import Counter, OrderedDict
@@ -32,15 +33,13 @@ _MAX_ALL_FIXES = 4_000_000
 #: Agents that are followed on the map at once, with 60 kB each; others begin anew there.
 _MAX_MATCHERS = 4_000
 
-#: Seconds of the clock between two looks at agents that say nothing.
-_SWEEP_PERIOD = 1.0
-
 
 class Monitor:
     """Finds events in the fixes of many agents while they come.
 
     Fixes wait for a moment, so that those which come a little late take their place in time. Fixes
     that come later still correct what was told: then an event revises or withdraws another one.
+    Events depend on the fixes and on when they were received, and not on how often time is told.
     Memory is bounded: an agent has at most 10,000 fixes, thinned where they are near in time, and
     of too many agents the one that was heard of least recently is forgotten.
 
@@ -107,13 +106,15 @@ class Monitor:
         if archive is not None:
             self._map, self._watch = _read_map(archive, scales)
 
-        # Agents, the least recently heard of first; those that are not silent; those that wait.
+        # Agents, the least recently heard of first; those that are not silent; those on the map.
         self._agents: OrderedDict[str, AgentMonitor] = OrderedDict()
         self._heard: OrderedDict[str, None] = OrderedDict()
-        self._waiting: dict[str, None] = {}
-        self._late: dict[str, None] = {}
         self._followed: OrderedDict[str, None] = OrderedDict()
-        self._clock = self._swept = -math.inf
+
+        # Those whose fixes wait, by when something is to be done, and when that is.
+        self._queue: list[tuple[float, str]] = []
+        self._due: dict[str, float] = {}
+        self._clock = -math.inf
 
         #: Number of the last event.
         self.seq = 0
@@ -138,7 +139,6 @@ class Monitor:
             self._take_late(agent, fix)
         else:
             agent.buffer.add(fix)
-            self._waiting[fix.agent] = None
             events += self._release(agent)
         return self._numbered(events)
 
@@ -161,7 +161,7 @@ class Monitor:
         now : float
             Seconds, as times of receipt are counted.
         """
-        return self._numbered([*self._advance(now), *self._sweep()])
+        return self._numbered(self._advance(now))
 
     def resume(self, now: float) -> None:
         """Note that nobody listened since the state was saved: no agent was silent by that.
@@ -189,13 +189,12 @@ class Monitor:
                 events += self._use(agent, fix)
             events += agent.read(self._clock, goes_on=False)
             if agent.on_map is not None:
-                events += agent.on_map.rest(is_over=False)
-                if self._watch is not None:
-                    events += self._watch.take(agent.agent, agent.on_map, self._clock)
+                events += agent.on_map.rest(self._clock, is_over=False)
+            events += self._watch_travel(agent)
         if self._watch is not None:
             events += self._watch.closures.look(self._clock)
-        self._waiting.clear()
-        self._late.clear()
+        self._queue.clear()
+        self._due.clear()
         return self._numbered(events)
 
     async def follow(self, fixes: AsyncIterable[Fix]) -> AsyncIterator[Event]:
@@ -212,7 +211,7 @@ class Monitor:
         head = {"clock": _finite(self._clock), "seq": self.seq, "watch": watch}
         yield head | {"map": None if self._map is None else self._map.fingerprint}
         for agent in self._agents.values():
-            yield agent.to_row()
+            yield agent.to_row() | {"heard": agent.agent in self._heard}
 
     def restore(self, states: Iterable[dict[str, Any]]) -> None:
         """Take over what :meth:`states` yielded; on another map, agents begin anew there."""
@@ -230,14 +229,11 @@ class Monitor:
             agent = self._new_agent(row["agent"], geographic=row["geographic"])
             agent.restore(row if is_same_map else row | {"on_map": None})
             name = agent.agent
-            if not agent.is_silent:
+            if row["heard"]:
                 self._heard[name] = None
             if agent.on_map is not None and agent.on_map.has_matcher:
                 self._followed[name] = None
-            if len(agent.buffer):
-                self._waiting[name] = None
-            if agent.is_late:
-                self._late[name] = None
+            self._wait(agent)
 
     def _agent(self, fix: Fix) -> AgentMonitor | None:
         """The agent of a fix, which was heard of now; None if the fix can't be used."""
@@ -258,8 +254,10 @@ class Monitor:
         agent.received = self._clock
         if len(self._agents) > self._max_agents:
             name, _ = self._agents.popitem(last=False)
-            for group in (self._heard, self._waiting, self._late, self._followed):
+            for group in (self._heard, self._due, self._followed):
                 group.pop(name, None)
+            if self._watch is not None:
+                self._watch.forget(name)
             self.counts["agents forgotten"] += 1
         return agent
 
@@ -282,7 +280,7 @@ class Monitor:
 
     def _take_late(self, agent: AgentMonitor, fix: Fix) -> None:
         if agent.take_late(fix):
-            self._late[fix.agent] = None
+            self._wait(agent)
             self.counts["late fixes put into their place"] += 1
         else:
             self.counts["fixes too late to correct events"] += 1
@@ -291,8 +289,14 @@ class Monitor:
         """Use the fixes of an agent that have waited long enough."""
         for fix in agent.buffer.ready(self._clock):
             yield from self._use(agent, fix)
-        if not len(agent.buffer):
-            self._waiting.pop(agent.agent, None)
+        self._wait(agent)
+
+    def _wait(self, agent: AgentMonitor) -> None:
+        """Note when something is to be done for an agent next."""
+        name, due = agent.agent, min(agent.buffer.due, agent.reading_due)
+        if due < self._due.get(name, math.inf):
+            self._due[name] = due
+            heapq.heappush(self._queue, (due, name))
 
     def _use(self, agent: AgentMonitor, fix: Fix) -> Iterator[Event]:
         if not agent.is_usable(fix):
@@ -300,10 +304,15 @@ class Monitor:
             return
         capacity = _MAX_ALL_FIXES // max(len(self._agents), 1)
         yield from agent.take(fix, min(max(capacity, _MIN_FIXES), _MAX_FIXES))
-        if agent.on_map is not None and self._watch is not None:
-            yield from self._watch.take(agent.agent, agent.on_map, fix.received)
+        if agent.on_map is not None:
+            yield from self._watch_travel(agent)
             if agent.on_map.has_matcher:
                 yield from self._follow_on_map(agent.agent)
+
+    def _watch_travel(self, agent: AgentMonitor) -> Iterator[Event]:
+        """Compare what an agent has travelled with what others have."""
+        if agent.on_map is not None and self._watch is not None:
+            yield from self._watch.take(agent.agent, agent.on_map, self._clock)
 
     def _follow_on_map(self, name: str) -> Iterator[Event]:
         """Note that an agent is followed; of too many, the first one's matcher is dropped."""
@@ -313,31 +322,40 @@ class Monitor:
             other, _ = self._followed.popitem(last=False)
             on_map = self._agents[other].on_map
             if on_map is not None:
-                yield from on_map.drop_matcher()
+                yield from on_map.drop_matcher(self._clock)
 
     def _advance(self, now: float) -> Iterator[Event]:
-        """Let time pass up to now; look at all agents from time to time."""
-        if not now > self._clock:
-            return
-        self._clock = now
-        if now - self._swept >= _SWEEP_PERIOD:
-            yield from self._sweep()
-
-    def _sweep(self) -> Iterator[Event]:
-        """Look at agents whose fixes wait, whose late fixes were not read, and who say nothing."""
-        self._swept = self._clock
-        for name in list(self._waiting):
-            yield from self._release(self._agents[name])
-        for name in list(self._late):
-            yield from self._agents[name].read(self._clock)
-        self._late.clear()
-        while self._heard:
-            name = next(iter(self._heard))
-            agent = self._agents[name]
-            if self._clock - agent.received <= self._silent_after:
+        """Let time pass up to now, and do what is due in the order of time."""
+        while True:
+            # The agent for which something is due first, and the first that falls silent.
+            due, name = self._queue[0] if self._queue else (math.inf, "")
+            silent = next(iter(self._heard), "")
+            silent_due = math.inf
+            if silent:
+                silent_due = self._agents[silent].received + self._silent_after
+            if min(due, silent_due) > now or silent_due == now < due:
                 break
-            del self._heard[name]
-            yield from agent.fall_silent(self._clock)
+            self._clock = max(self._clock, min(due, silent_due))
+
+            # Fixes have waited long enough, or late ones are read; else one is silent.
+            if due <= silent_due:
+                heapq.heappop(self._queue)
+                if self._due.get(name) == due:
+                    yield from self._attend(self._agents[name])
+                continue
+            del self._heard[silent]
+            yield from self._agents[silent].fall_silent(self._clock)
+            yield from self._watch_travel(self._agents[silent])
+        self._clock = max(self._clock, now)
+
+    def _attend(self, agent: AgentMonitor) -> Iterator[Event]:
+        """Do what is due for an agent."""
+        del self._due[agent.agent]
+        yield from self._release(agent)
+        if agent.reading_due <= self._clock:
+            yield from agent.read(self._clock)
+            yield from self._watch_travel(agent)
+            self._wait(agent)
 
     def _numbered(self, events: Iterable[Event]) -> list[Event]:
         found = []

@@ -46,6 +46,12 @@ class ReorderBuffer:
     def __len__(self) -> int:
         return len(self._times)
 
+    @property
+    def due(self) -> float:
+        """Seconds of the clock at which a fix goes on, whatever comes; infinite if none waits."""
+        received = (fix.received for fix in self._fixes.values())
+        return min(received, default=math.inf) + self._delay
+
     def add(self, fix: Fix) -> None:
         """Take a fix that is later than the last one that went on; of two at one time, the better.
 

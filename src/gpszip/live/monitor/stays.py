@@ -23,6 +23,7 @@ from gpszip.live.events import Event
 from gpszip.live.fix import Fix, distance
 from gpszip.live.monitor.known import Finding, KnownEvents
 from gpszip.live.monitor.places import VisitedPlaces
+from gpszip.live.monitor.stay_times import StayTimes
 from gpszip.live.monitor.text import duration_text
 from gpszip.live.monitor.window import Window
 from gpszip.model.grid import Plane
@@ -75,10 +76,19 @@ class StayTracker:
         What was told.
     settings : Settings
         What counts as a stay and as a trip.
+    standing : float, default infinite
+        Metres of spread up to which an agent that stays stands; else it moves within its place.
     """
 
-    def __init__(self, window: Window, known: KnownEvents, settings: Settings) -> None:
+    def __init__(
+        self,
+        window: Window,
+        known: KnownEvents,
+        settings: Settings,
+        standing: float = math.inf,
+    ) -> None:
         self._window, self._known, self._settings = window, known, settings
+        self._standing = standing
         self._place: _Place | None = None
         self._last_reading = -math.inf
         self._outside = 0
@@ -94,15 +104,13 @@ class StayTracker:
         #: Events up to this time stay as they were told.
         self.settled = -math.inf
 
+        #: When the agent stands in place, for those who follow it on a map.
+        self.times = StayTimes(window)
+
     @property
     def is_staying(self) -> bool:
         """Whether the agent stays in place, as far as was read."""
         return self._place is not None
-
-    @property
-    def since(self) -> float | None:
-        """Seconds at which the stay began that goes on; None on the way."""
-        return None if self._place is None else self._place.since
 
     def take(self, fix: Fix, capacity: int) -> list[Event]:
         """Return the events after a fix, the newest of the window.
@@ -119,6 +127,7 @@ class StayTracker:
             if self._last_reading < fix.time:
                 events += self.read(fix.received)
             self._shrink(capacity)
+        self.times.leave(self._leaving())
         return events
 
     def take_late(self, time: float) -> None:
@@ -142,10 +151,12 @@ class StayTracker:
         self._last_reading, self._outside = self._window.last, 0
         line, plane = self._timeline(goes_on=goes_on)
         self._place = _current_place(line, plane)
+        self.times.leave(self._leaving())
 
         # What it says, and what of it is settled now.
         findings = _findings(line, plane)
         events = self._known.update(findings, received, after=self._anchor, kinds=STAY_KINDS)
+        self.times.update(_times_of(line, self._standing), self._anchor)
         self._settle(line)
         self._visit(line, plane)
         return events
@@ -157,6 +168,7 @@ class StayTracker:
         events = self._known.update(findings, received, after=self._anchor, kinds=STAY_KINDS)
 
         # The next fix begins another log.
+        self.times.end(self._window.last)
         self._settle_at(self._window.last)
         self._window.drop(len(self._window))
         self._place, self._last_reading = None, -math.inf
@@ -181,6 +193,7 @@ class StayTracker:
             "anchors": self._anchors,
             "places": self._places.to_row(),
             "open": self._is_open,
+            "times": self.times.to_row(),
         }
 
     def restore(self, row: dict[str, Any]) -> None:
@@ -194,6 +207,7 @@ class StayTracker:
         self._anchor, self._anchors = _infinite(row["anchor"]), list(row["anchors"])
         self._places.restore(row["places"])
         self._is_open = row["open"]
+        self.times.restore(row["times"])
 
     def _is_due(self, fix: Fix) -> bool:
         """Whether the newest fix may change what the log says."""
@@ -206,10 +220,8 @@ class StayTracker:
             return True
 
         # At a place, only fixes outside tell something.
-        noise = _NOISE if fix.accuracy is None else fix.accuracy
         if self._place is not None:
-            here = Fix("", "", 0.0, 0.0, self._place.position, window.geographic)
-            if distance(here, fix) <= self._settings.radius + noise:
+            if self._is_in_place(fix):
                 self._outside = 0
                 return False
             self._outside += 1
@@ -221,7 +233,24 @@ class StayTracker:
             return True
         row = window.row_at(fix.time - self._settings.min_stay)
         before = Fix("", "", 0.0, 0.0, window.position(row), window.geographic)
+        noise = _NOISE if fix.accuracy is None else fix.accuracy
         return distance(before, fix) <= _SLOW_REACH * self._settings.radius + noise
+
+    def _leaving(self) -> float:
+        """Seconds from which all fixes are outside of the place; infinite if they are not."""
+        if self._place is None:
+            return math.inf
+        window, row = self._window, len(self._window)
+        while row and not self._is_in_place(window.fix(row - 1, "")):
+            row -= 1
+        return window.time(row) if len(window) - row >= _MIN_OUTSIDE else math.inf
+
+    def _is_in_place(self, fix: Fix) -> bool:
+        """Whether a fix is within the place where the agent stays."""
+        assert self._place is not None
+        noise = _NOISE if fix.accuracy is None else fix.accuracy
+        here = Fix("", "", 0.0, 0.0, self._place.position, self._window.geographic)
+        return distance(here, fix) <= self._settings.radius + noise
 
     def _timeline(self, *, goes_on: bool = True) -> tuple[Timeline, Plane | None]:
         """Read the fixes from the anchor on."""
@@ -287,6 +316,7 @@ class StayTracker:
         """Let stand what happened up to a time, and drop the fixes before it."""
         self._window.drop(self._window.row_at(time))
         self._known.forget(time)
+        self.times.forget(time)
         self.settled, self._anchor = time, max(self._anchor, time)
         self._anchors = [anchor for anchor in self._anchors if anchor >= time]
 
@@ -315,6 +345,17 @@ def _current_place(line: Timeline, plane: Plane | None) -> _Place | None:
     stop = line.stops[-1]
     is_left = any(move.origin == len(line.stops) - 1 for move in line.moves)
     return None if is_left else _Place(_coordinates(stop.halt.centre, plane), stop.start)
+
+
+def _times_of(line: Timeline, standing: float) -> list[tuple[float, float]]:
+    """Start and end of each stop with at most such a spread; infinite for what goes on."""
+    left = {move.origin for move in line.moves}
+    last = len(line.stops) - 1
+    return [
+        (stop.start, stop.end if number < last or number in left else math.inf)
+        for number, stop in enumerate(line.stops)
+        if stop.halt.spread <= standing
+    ]
 
 
 def _findings(line: Timeline, plane: Plane | None, *, is_whole: bool = False) -> list[Finding]:

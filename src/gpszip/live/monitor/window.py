@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 
 class Window:
-    """Times, positions and accuracies of the last fixes of an agent.
+    """Times, positions, accuracies and headings of the last fixes of an agent.
 
     Parameters
     ----------
@@ -43,8 +43,11 @@ class Window:
         self.geographic = geographic
         self._times = array("d")
         self._columns = tuple(array("d") for _ in range(2 if geographic else 3))
-        self._accuracy = array("d")
+        self._accuracy, self._heading = array("d"), array("d")
         self._dimension = 3
+
+        #: Fixes up to this time, in seconds, are not all there any more.
+        self.complete_after = -math.inf
 
     def __len__(self) -> int:
         return len(self._times)
@@ -83,11 +86,12 @@ class Window:
         for number, column in enumerate(self._columns):
             column.insert(row, position[number])
         self._accuracy.insert(row, math.nan if fix.accuracy is None else fix.accuracy)
+        self._heading.insert(row, math.nan if fix.heading is None else fix.heading)
         return True
 
     def remove(self, row: int) -> None:
         """Remove a fix."""
-        for column in (self._times, self._accuracy, *self._columns):
+        for column in (self._times, self._accuracy, self._heading, *self._columns):
             del column[row]
 
     def coordinates(self) -> Floats:
@@ -98,6 +102,15 @@ class Window:
     def accuracy(self) -> Floats:
         """Metres, NaN where it is not known; shape (n,)."""
         return np.array(self._accuracy, np.float64)
+
+    def fix(self, row: int, agent: str) -> Fix:
+        """One fix, as far as it is kept."""
+        accuracy, heading = (
+            None if math.isnan(column[row]) else column[row]
+            for column in (self._accuracy, self._heading)
+        )
+        time, position = self._times[row], self.position(row)
+        return Fix(agent, "", time, time, position, self.geographic, accuracy, heading)
 
     def position(self, row: int) -> tuple[float, ...]:
         """Coordinates of one fix."""
@@ -114,7 +127,9 @@ class Window:
 
     def drop(self, count: int) -> None:
         """Remove the first fixes."""
-        for column in (self._times, self._accuracy, *self._columns):
+        if count:
+            self.complete_after = max(self.complete_after, self._times[count - 1])
+        for column in (self._times, self._accuracy, self._heading, *self._columns):
             del column[:count]
 
     def thin(self, kept: Sequence[float]) -> None:
@@ -130,30 +145,43 @@ class Window:
         spacing = times[2:] - times[:-2]
         is_kept[1:-1:2] = spacing[::2] > _MAX_SPACING
         is_kept[len(times) // 2 :] = True
+        self.complete_after = float(times[len(times) // 2 - 1])
         for time in kept:
             is_kept |= np.abs(times - time) <= _MAX_SPACING
         self._keep(is_kept)
 
     def _keep(self, rows: NDArray[np.bool_]) -> None:
-        self._times = array("d", np.array(self._times)[rows].tobytes())
-        self._accuracy = array("d", np.array(self._accuracy)[rows].tobytes())
-        self._columns = tuple(
-            array("d", np.array(column)[rows].tobytes()) for column in self._columns
+        columns = (self._times, self._accuracy, self._heading, *self._columns)
+        self._times, self._accuracy, self._heading, *others = (
+            array("d", np.array(column)[rows].tobytes()) for column in columns
         )
+        self._columns = tuple(others)
 
     def to_rows(self) -> dict[str, Any]:
         """Return the fixes as a value of JSON."""
         return {
             "times": self._times.tolist(),
             "columns": [column.tolist() for column in self._columns],
-            "accuracy": [None if math.isnan(each) else each for each in self._accuracy],
+            "accuracy": _without_nan(self._accuracy),
+            # Most agents have none.
+            "heading": None if all(map(math.isnan, self._heading)) else _without_nan(self._heading),
             "dimension": self._dimension,
+            "complete_after": self.complete_after if math.isfinite(self.complete_after) else None,
         }
 
     def restore(self, rows: dict[str, Any]) -> None:
         """Hold what :meth:`to_rows` returned."""
         self._times = array("d", rows["times"])
         self._columns = tuple(array("d", column) for column in rows["columns"])
-        stated = (math.nan if each is None else each for each in rows["accuracy"])
-        self._accuracy = array("d", stated)
+        nothing = [None] * len(self._times)
+        self._accuracy, self._heading = (
+            array("d", (math.nan if each is None else each for each in stated or nothing))
+            for stated in (rows["accuracy"], rows["heading"])
+        )
         self._dimension = rows["dimension"]
+        complete = rows["complete_after"]
+        self.complete_after = -math.inf if complete is None else complete
+
+
+def _without_nan(column: array[float]) -> list[float | None]:
+    return [None if math.isnan(each) else each for each in column]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,8 @@ class ClosureWatch:
         self._known = KnownEvents("", geographic=known_map.plane is not None)
         self._history = known_map.rows.take(np.isfinite(known_map.rows.enter))
         self._passes: dict[str, list[Row]] = {}
+        # Number that the first pass of an agent has among all that it travelled.
+        self._first: dict[str, int] = {}
         self._count = 0
         self._new = 0
         self._last_look = -math.inf
@@ -63,9 +66,43 @@ class ClosureWatch:
                 known_map.network, self._history, before, _FALSE_ALARMS
             )
 
-    def add(self, agent: str, passed: Pass, received: float) -> list[Event]:
-        """Take a pass that is over; return the events that follow."""
-        row = (
+    def take(self, agent: str, count: int, passes: Sequence[Pass], received: float) -> list[Event]:
+        """Take passes of an agent that are over; return the events that follow.
+
+        Parameters
+        ----------
+        agent : str
+            Its name.
+        count : int
+            Passes before these: others did not happen.
+        passes : sequence of Pass
+            In the order of travel.
+        received : float
+            When the last fix was received.
+        """
+        # What did not happen, as later fixes tell.
+        kept = self._passes.get(agent, [])
+        number = max(count - self._first.get(agent, 0), 0)
+        self._count -= len(kept[number:])
+        del kept[number:]
+
+        # What did.
+        events: list[Event] = []
+        for passed in passes:
+            self._passes.setdefault(agent, []).append(self._row(passed))
+            self._count += 1
+            self._new += 1
+            events += self._look_sometimes(passed.leave, received)
+        return events
+
+    def forget(self, agent: str) -> None:
+        """Note that an agent begins anew; its passes stay."""
+        self._first[agent] = -len(self._passes.get(agent, []))
+        if not self._first[agent]:
+            del self._first[agent]
+
+    def _row(self, passed: Pass) -> Row:
+        return (
             passed.directed,
             passed.enter,
             passed.leave,
@@ -74,16 +111,14 @@ class ClosureWatch:
             passed.standing,
             passed.starts,
         )
-        self._passes.setdefault(agent, []).append(row)
-        self._count += 1
-        self._new += 1
 
-        # Look again after many passes, or much time.
-        since = passed.leave - self._last_look
+    def _look_sometimes(self, time: float, received: float) -> list[Event]:
+        """Look again after many passes, or much time."""
+        since = time - self._last_look
         many = max(_MIN_PASSES, _PASSES_SHARE * len(self._history))
         if since < _PERIODS[0] or (since < _PERIODS[1] and self._new < many):
             return []
-        self._last_look, self._new = passed.leave, 0
+        self._last_look, self._new = time, 0
         return self.look(received)
 
     def look(self, received: float) -> list[Event]:
@@ -176,7 +211,9 @@ class ClosureWatch:
             kept = [row for row in passes if row[1] > limit]
             if not kept:
                 del self._passes[agent]
+                self._first[agent] = self._first.get(agent, 0) + len(passes)
                 continue
+            self._first[agent] = self._first.get(agent, 0) + len(passes) - len(kept)
             # The first one does not go on from any that is left.
             self._passes[agent] = [(*kept[0][:-1], True), *kept[1:]]
         self._count = sum(map(len, self._passes.values()))
@@ -187,6 +224,7 @@ class ClosureWatch:
         last = self._last_look if math.isfinite(self._last_look) else None
         return {
             "passes": self._passes,
+            "first": self._first,
             "known": self._known.to_rows(),
             "last": last,
             "new": self._new,
@@ -198,6 +236,7 @@ class ClosureWatch:
             agent: [(int(each[0]), *each[1:]) for each in passes]
             for agent, passes in row["passes"].items()
         }
+        self._first = dict(row["first"])
         self._count = sum(map(len, self._passes.values()))
         self._known.restore(row["known"])
         self._last_look = -math.inf if row["last"] is None else row["last"]

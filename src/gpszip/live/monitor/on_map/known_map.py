@@ -36,6 +36,10 @@ _BETA = 3.0
 #: Metres of stated accuracy beyond which a fix tells no edge.
 _MAX_ACCURACY = 100.0
 
+#: Metres by which fixes of a receiver that stands spread, and as a multiple of the error of fixes.
+#: An agent that stays and spreads more moves within its place, as a robot on its rounds.
+_STANDING, _STANDING_ERRORS = 25.0, 4.0
+
 #: Metres from a plane's centre beyond which there is no map.
 _MAX_DISTANCE = 2 * PLANE_RADIUS
 
@@ -106,6 +110,12 @@ class KnownMap:
         axes = self._trip_ends.shape[1]
         away = np.linalg.norm(self._trip_ends - position[:axes], axis=1)
         return int((away <= _NEAR).sum())
+
+    @property
+    def standing(self) -> float:
+        """Metres by which the fixes of an agent that stands spread, at most."""
+        least = 0.0 if self.plane is None else _STANDING
+        return max(least, _STANDING_ERRORS * self.scales.error)
 
     def matcher(self) -> LiveMatcher:
         """Return a matcher for one agent."""

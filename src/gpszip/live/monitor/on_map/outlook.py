@@ -75,16 +75,6 @@ class Outlook:
         self._goal: _Goal | None = None
         self._path: tuple[int, list[int]] | None = None
         self._is_late = False
-        self._is_staying = False
-
-    def note_stay(self, *, is_staying: bool) -> None:
-        """Note whether the agent stays in place: then nothing is predicted, and it is not late."""
-        if is_staying:
-            self._goal = None
-        elif self._is_staying:
-            # A trip begins. Errors of the receiver in place tell nothing of it.
-            del self.route[:-1], self.times[:-1]
-        self._is_staying = is_staying
 
     def end_trip(self) -> None:
         """Forget the trip, which is over."""
@@ -107,7 +97,7 @@ class Outlook:
         passed = self.route[-2:-1]
         if goal is not None and passed and self._map.exits.heads[passed[0]] == goal.node:
             self._goal = None
-        if self._is_staying or time - self._last < _PERIOD:
+        if time - self._last < _PERIOD:
             return []
         self._last = time
         return self._predict(time)
@@ -201,7 +191,6 @@ class Outlook:
             "goal": None if self._goal is None else astuple(self._goal),
             "path": self._path,
             "late": self._is_late,
-            "staying": self._is_staying,
         }
 
     def restore(self, row: dict[str, Any]) -> None:
@@ -210,4 +199,4 @@ class Outlook:
         self._last = float("-inf") if row["last"] is None else row["last"]
         self._goal = None if row["goal"] is None else _Goal(*row["goal"])
         self._path = None if row["path"] is None else (row["path"][0], row["path"][1])
-        self._is_late, self._is_staying = row["late"], row["staying"]
+        self._is_late = row["late"]

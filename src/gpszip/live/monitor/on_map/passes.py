@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
 
 from gpszip.history.prediction.paths import connect_roads
 from gpszip.live.monitor.on_map.known_map import KnownMap
@@ -92,15 +93,11 @@ class PassReader:
         self._map = known_map
         self.current: Pass | None = None
         self.is_off = False
-        self.done = -math.inf
         self._off_times: list[float] = []
         self._on_count = 0
 
     def read(self, found: FinalisedPosition) -> Step:
         """Take the next matched position; return what it tells."""
-        if found.time <= self.done:
-            return Step()
-        self.done = found.time
         if found.edge < 0:
             return self._read_off(found.time)
 
@@ -113,6 +110,21 @@ class PassReader:
                 return Step()
             self.is_off, on = False, found.time
         return self._read_on(found, on)
+
+    def to_row(self) -> dict[str, Any]:
+        """Return the state as a value of JSON."""
+        return {
+            "current": None if self.current is None else asdict(self.current),
+            "off": self.is_off,
+            "off_times": self._off_times,
+            "on_count": self._on_count,
+        }
+
+    def restore(self, row: Mapping[str, Any]) -> None:
+        """Take over what :meth:`to_row` returned."""
+        self.current = None if row["current"] is None else Pass(**row["current"])
+        self.is_off, self._on_count = row["off"], row["on_count"]
+        self._off_times = list(row["off_times"])
 
     def _read_off(self, time: float) -> Step:
         self._on_count = 0

@@ -1,44 +1,59 @@
-"""One agent on the map: edges, travel off the map, predictions, and what is unusual."""
+"""Events of one agent on the map, which late fixes and stays revise.
+
+The state of the reader is kept now and then. Where a fix comes late, or fixes turn out to be of a
+stay, the reader goes back to the last state before, and reads again what follows. What it finds
+then replaces what was told.
+"""
 
 from __future__ import annotations
 
+import base64
+import json
 import math
-from dataclasses import asdict
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.errors import TrackError
-from gpszip.geo.planes import to_plane
+from gpszip.history.prediction.trips import MIN_STOP
 from gpszip.live.events import Event
 from gpszip.live.fix import Fix
-from gpszip.live.monitor.known import Finding, KnownEvents
+from gpszip.live.monitor.known import Finding
 from gpszip.live.monitor.on_map.known_map import KnownMap
-from gpszip.live.monitor.on_map.outlook import Outlook
-from gpszip.live.monitor.on_map.passes import Pass, PassReader, Step
-from gpszip.live.monitor.on_map.patrol import PatrolTracker
-from gpszip.live.monitor.on_map.surprises import Surprises
+from gpszip.live.monitor.on_map.passes import Pass
+from gpszip.live.monitor.on_map.told import ToldFindings
+from gpszip.live.monitor.on_map.travel import TravelReader
+from gpszip.live.monitor.stay_times import StayTimes
 from gpszip.live.monitor.window import Window
-from gpszip.matching.live import FinalisedPosition, LiveMatcher, LivePosition
 
 __all__ = ["MapTracker"]
 
-#: Fixes of the window from which a matcher finds again where the agent is.
-_WARM_UP = 40
+Floats = NDArray[np.float64]
 
-#: Kinds of events that are not told of an agent that stays: errors of its receiver would tell them
-#: again and again.
-_ON_THE_WAY = frozenset(
-    {
-        "off_map.start",
-        "off_map.end",
-        "wrong_way",
-        "unusual.turn",
-        "unusual.speed",
-        "unusual.stop",
-    }
-)
+#: Seconds of fixes before the newest in which late ones revise what was told of edges.
+_HORIZON = 21_600.0
+
+#: Seconds of fixes between two states that are kept, at least. One takes 2 kB.
+_SPACING = 120.0
+
+#: Share of a state's age by which those beside it may be apart: older ones are kept less densely,
+#: so that there are about twenty in all.
+_MAX_APART = 0.5
+
+#: Events that may be revised: this share of the fixes that an agent may have.
+_TOLD_SHARE = 0.1
+
+
+@dataclass
+class _Kept:
+    """The state of the reader after a fix."""
+
+    time: float
+    told: int
+    state: bytes
 
 
 class MapTracker:
@@ -52,208 +67,251 @@ class MapTracker:
         The map.
     window : Window
         The agent's last fixes.
-    known : KnownEvents
-        Makes events.
+    stays : StayTimes
+        When it stays.
+    longest : float
+        Seconds; a longer gap ends a trip.
     """
 
-    def __init__(self, agent: str, known_map: KnownMap, window: Window, known: KnownEvents) -> None:
-        self._map, self._window, self._known = known_map, window, known
-        self._matcher: LiveMatcher | None = None
-        self._reader = PassReader(known_map)
-        self._outlook = Outlook(agent, known_map)
-        self._surprises = Surprises(agent, known_map)
-        self._patrol: PatrolTracker | None = None
-        if known_map.rounds is not None:
-            self._patrol = PatrolTracker(known_map, known_map.rounds)
-        self._off_since: float | None = None
-        self._is_off_told = False
-        self._stays_since: float | None = None
-        self._here: LivePosition | None = None
-        self._received = 0.0
+    def __init__(
+        self,
+        agent: str,
+        known_map: KnownMap,
+        window: Window,
+        stays: StayTimes,
+        longest: float,
+    ) -> None:
+        self._agent, self._window, self._stays = agent, window, stays
+        self._reader = TravelReader(agent, known_map, window, longest)
+        self._told = ToldFindings(agent, geographic=window.geographic)
+        self._kept: list[_Kept] = []
+        self._time = -math.inf
 
-        #: Passes that are over, for those who watch all agents.
-        self.passed: list[Pass] = []
-        self.paths: list[tuple[NDArray[np.float64], float]] = []
+        # Whether more was told than the fixes so far say, as if none followed.
+        self._is_finished = False
+
+        #: Fixes that were read again last.
+        self.read_again = 0
 
     @property
     def has_matcher(self) -> bool:
         """Whether the agent has a matcher, which takes memory."""
-        return self._matcher is not None
+        return self._reader.matcher is not None
 
-    def take(self, fix: Fix, *, stays_since: float | None = None) -> list[Event]:
-        """Return the events after the next fix in time.
+    def take(self, received: float, capacity: int) -> list[Event]:
+        """Return the events after the next fix in time, the newest of the window.
 
         Parameters
         ----------
-        fix : Fix
-            Later than those before.
-        stays_since : float, optional
-            Seconds at which the stay began that goes on; None on the way.
+        received : float
+            When it was received.
+        capacity : int
+            Fixes that the window may hold.
         """
-        self._received = fix.received
-        self._outlook.note_stay(is_staying=stays_since is not None)
-        was_staying, self._stays_since = self._stays_since is not None, stays_since
-        events = self._match(fix)
-        if was_staying and stays_since is None and self._reader.is_off != self._is_off_told:
-            # It left the map, or came back, in place.
-            kind = "off_map.start" if self._reader.is_off else "off_map.end"
-            events += self._tell([self._at(kind, fix.time)])
-        here = self._here
-        if here is not None and here.time == fix.time and not here.off_map:
-            events += self._tell(self._surprises.stand(fix, 2 * here.edge + (not here.forward)))
-        return events + self._tell(self._outlook.pass_time(fix.time, fix.position))
+        if not self._kept:
+            self._keep(self._told.count)
+        since = self._stays.take_changed()
+        if self._is_finished or math.isfinite(since):
+            events = self._read_again(since, received)
+        else:
+            fix = self._window.fix(len(self._window) - 1, self._agent)
+            events = self._told.tell(self._read(fix), received)
+            self._keep_some(self._told.count)
+        self._forget(capacity)
+        return events
 
-    def rest(self, *, is_over: bool) -> list[Event]:
-        """Return what follows from the last fixes of an agent that stays or is silent.
+    def revise(self, late: float, received: float) -> list[Event]:
+        """Return what is new or different by fixes that came late, or by stays that were found.
 
         Parameters
         ----------
+        late : float
+            Seconds of the first fix that came late; infinite if none did.
+        received : float
+            When the last fix was received, or now.
+        """
+        since = self._stays.take_changed()
+        if self._kept and late > self._kept[0].time:
+            since = min(since, late)
+        return self._read_again(since, received) if math.isfinite(since) else []
+
+    def rest(self, received: float, *, is_over: bool) -> list[Event]:
+        """Return what the last fixes of an agent tell, as if none followed.
+
+        Parameters
+        ----------
+        received : float
+            Now, in seconds.
         is_over : bool
             Whether its trip is over.
         """
-        events = [] if self._matcher is None else self._read(self._matcher.finish())
-        self._here = None
-        if is_over:
-            self._outlook.end_trip()
-        return events
-
-    def drop_matcher(self) -> list[Event]:
-        """Give the memory of the matcher back."""
-        events = self.rest(is_over=False)
-        self._matcher = None
-        return events
-
-    def _match(self, fix: Fix) -> list[Event]:
-        position = self._map.project(fix)
-        if position is None:
+        if self._is_finished or not self._kept:
             return []
-        if self._matcher is None:
-            self._matcher = self._map.matcher()
-        try:
-            self._here = self._matcher.push(fix.time, position, fix.heading)
-        except TrackError:
-            return []
-        return self._read(self._here.finalised)
+        if self._kept[-1].time < self._time:
+            self._keep(self._told.count)
+        self._is_finished = True
+        return self._told.tell(self._reader.finish(is_over=is_over), received)
 
-    def _read(self, finalised: tuple[FinalisedPosition, ...]) -> list[Event]:
-        events = []
-        for found in finalised:
-            step = self._reader.read(found)
-            events += self._tell(self._findings(step))
-            if self._reader.current is not None and found.edge >= 0:
-                events += self._tell(self._surprises.travel(self._reader.current))
+    def cut(self, received: float) -> list[Event]:
+        """End the log, as where an agent goes on far away; what was told stays."""
+        events = self.rest(received, is_over=True)
+        self._stays.take_changed()
+        self._is_finished = False
+        self._kept.clear()
+        self._keep(self._told.count)
         return events
 
-    def _findings(self, step: Step) -> list[Finding]:
-        """What a step on the map tells."""
-        # Back on the map.
+    def drop_matcher(self, received: float) -> list[Event]:
+        """Give the memory of the matcher back; what was told stays."""
+        events = self.rest(received, is_over=False)
+        self._reader.matcher = None
+        self._is_finished = False
+        self._kept.clear()
+        self._keep(self._told.count)
+        return events
+
+    def take_travelled(self) -> tuple[list[int], list[Pass], list[tuple[Floats, float]]]:
+        """Take what was travelled since the last call.
+
+        Returns
+        -------
+        counts : list of int
+            Numbers of passes and of paths off the map before these: others did not happen.
+        passed : list of Pass
+            Passes that are over.
+        paths : list of tuple
+            Paths off the map, and when each ended.
+        """
+        reader = self._reader
+        passed, paths = reader.passed, reader.paths
+        reader.passed, reader.paths = [], []
+        counts = [reader.counts[0] - len(passed), reader.counts[1] - len(paths)]
+        return counts, passed, paths
+
+    def _read(self, fix: Fix) -> list[Finding]:
+        """Read the next fix."""
+        self._time = fix.time
+        return self._reader.read(fix, self._stays.latest_before(fix.time))
+
+    def _read_again(self, since: float, received: float) -> list[Event]:
+        """Read the fixes from a time on again; return what is new or different."""
+        # Back to the state before; without one that is so old, to the oldest one.
+        self._leave_lost()
+        if not self._kept or not len(self._window):
+            return []
+        while len(self._kept) > 1 and self._kept[-1].time >= since:
+            self._kept.pop()
+        kept = self._kept[-1]
+        self._restore(json.loads(zlib.decompress(kept.state)))
+        self._time, self._is_finished = kept.time, False
+
+        # From there on.
         findings: list[Finding] = []
-        if step.on is not None:
-            findings.append(self._at("off_map.end", step.on))
-            self._note_path(step.on)
+        self.read_again = 0
+        for fix in self._fixes_after(kept.time):
+            self.read_again += 1
+            findings += self._read(fix)
+            self._keep_some(kept.told + len(findings))
+        return self._told.replace(kept.told, findings, received)
 
-        # Edges that are left; those that were passed as a whole were entered, too.
-        for number, passed in enumerate(step.left):
-            if number:
-                findings += self._enter(passed)
-            findings.append(self._leave(passed))
-            findings += self._surprises.leave(passed)
-            if self._patrol is not None:
-                findings += self._patrol.add(passed)
-            self.passed.append(passed)
+    def _restore(self, state: dict[str, Any]) -> None:
+        """Go back to a state; what was travelled since, and not taken yet, did not happen."""
+        reader = self._reader
+        before = [reader.counts[0] - len(reader.passed), reader.counts[1] - len(reader.paths)]
+        reader.restore(state)
+        del reader.passed[max(reader.counts[0] - before[0], 0) :]
+        del reader.paths[max(reader.counts[1] - before[1], 0) :]
 
-        # The edge that is entered, or the end of the map.
-        if step.entered is not None:
-            findings += self._enter(step.entered)
-        if step.off is not None:
-            findings.append(self._at("off_map.start", step.off))
-            self._outlook.end_trip()
-            self._off_since = step.off
-        return findings
+    def _fixes_after(self, time: float) -> Iterator[Fix]:
+        """The fixes after a time, but for those of stays that tell nothing."""
+        row, window = self._window.row_at(math.nextafter(time, math.inf)), self._window
+        while row < len(window):
+            at = window.time(row)
+            stay = self._stays.latest_before(at)
+            if stay is not None and stay.start + MIN_STOP < at < stay.end:
+                row = max(window.row_at(min(stay.end, window.last)), row)
+            yield window.fix(row, self._agent)
+            row += 1
 
-    def _note_path(self, until: float) -> None:
-        """Note the path off the map, from the last fix on it to the first one on it again."""
-        since, self._off_since = self._off_since, None
-        if since is None or self._is_in_place(until):
+    def _keep_some(self, told: int) -> None:
+        """Keep the state where a stay begins, and from time to time on the way."""
+        if not self._kept:
+            self._keep(told)
             return
-        rows = slice(max(self._window.row_at(since) - 1, 0), self._window.row_at(until) + 1)
-        coordinates = self._window.coordinates()[rows, :2]
-        if self._map.plane is not None:
-            coordinates = to_plane(coordinates[:, 0], coordinates[:, 1], self._map.plane)
-        self.paths.append((coordinates, until))
+        since = self._time - self._kept[-1].time
+        stay = self._stays.latest_before(self._time)
+        if stay is not None and self._time < stay.end:
+            # While the agent stays, it is always the same.
+            if self._kept[-1].time > stay.start or since <= 0:
+                return
+        elif since < _SPACING:
+            return
+        self._keep(told)
 
-    def _enter(self, passed: Pass) -> list[Finding]:
-        place = self._map.place_on(passed.directed, passed.begin)
-        offset = self._map.offset(passed.directed, passed.begin)
-        entered = Finding("edge.enter", passed.enter, place, "", "", {}, passed.directed, offset)
-        predicted = self._outlook.enter(passed.directed, passed.enter, starts=passed.starts)
-        turned = self._surprises.enter(self._outlook.route, passed.enter)
-        return [entered, *turned, *predicted]
+    def _keep(self, told: int) -> None:
+        """Keep the state after the last fix, and leave out some of the earlier ones."""
+        state = json.dumps(self._reader.to_row(), separators=(",", ":")).encode()
+        kept = self._kept
+        kept.append(_Kept(self._time, told, zlib.compress(state, 1)))
+        for number in range(len(kept) - 2, 0, -1):
+            age = self._time - kept[number + 1].time
+            if kept[number + 1].time - kept[number - 1].time <= _MAX_APART * age:
+                del kept[number]
 
-    def _leave(self, passed: Pass) -> Finding:
-        place = self._map.place_on(passed.directed, passed.along)
-        offset = self._map.offset(passed.directed, passed.along)
-        details = {"enter": round(passed.enter, 3), "metres": round(passed.metres, 1)}
-        return Finding("edge.leave", passed.leave, place, "", "", details, passed.directed, offset)
+    def _forget(self, capacity: int) -> None:
+        """Forget states that are old, or of too many events ago, and what was told before."""
+        kept = self._kept
+        most = _TOLD_SHARE * capacity
+        while len(kept) > 1 and (
+            kept[1].time <= self._time - _HORIZON or self._told.count - kept[0].told > most
+        ):
+            del kept[0]
+        self._leave_lost()
+        self._told.forget(kept[0].told)
 
-    def _at(self, kind: str, time: float) -> Finding:
-        """A finding where the agent was at a time."""
-        row = min(self._window.row_at(time), len(self._window) - 1)
-        return Finding(kind, time, self._window.position(row))
+    def _leave_lost(self) -> None:
+        """Leave out states after which fixes are lost that would have to be read again."""
+        kept, lost = self._kept, self._window.complete_after
+        while len(kept) > 1 and kept[1].time <= lost:
+            del kept[0]
+        if not kept or kept[0].time >= lost:
+            return
 
-    def _is_in_place(self, time: float) -> bool:
-        """Whether the agent was in place at a time, where it stays yet."""
-        return self._stays_since is not None and time > self._stays_since
-
-    def _tell(self, findings: list[Finding]) -> list[Event]:
-        events = []
-        for finding in findings:
-            if finding.kind in _ON_THE_WAY and self._is_in_place(finding.time):
-                continue
-            if finding.kind in {"off_map.start", "off_map.end"}:
-                # What began on the way may have ended in place.
-                is_off = finding.kind == "off_map.start"
-                if is_off == self._is_off_told:
-                    continue
-                self._is_off_told = is_off
-            like = f"{finding.time:.3f} {finding.directed}"
-            events.append(self._known.tell(finding, self._received, like=like))
-        return events
+        # Those of a stay are not needed.
+        stay = self._stays.latest_before(lost)
+        if stay is not None and stay.start < kept[0].time and lost < stay.end:
+            kept[0].time = lost
+        elif len(kept) > 1:
+            del kept[0]
+        else:
+            kept.clear()
+            self._keep(self._told.count)
 
     def to_row(self) -> dict[str, Any]:
-        """Return the state as a value of JSON; the matcher is found again from the window."""
-        current = self._reader.current
+        """Return the state as a value of JSON."""
         return {
-            "current": None if current is None else asdict(current),
-            "off": self._reader.is_off,
-            "done": self._reader.done if math.isfinite(self._reader.done) else None,
-            "outlook": self._outlook.to_row(),
-            "surprises": self._surprises.to_row(),
-            "patrol": None if self._patrol is None else self._patrol.to_row(),
-            "off_since": self._off_since,
-            "off_told": self._is_off_told,
-            "stays_since": self._stays_since,
-            "matcher": self.has_matcher,
+            "reader": self._reader.to_row(),
+            "told": self._told.to_row(),
+            "time": self._time if math.isfinite(self._time) else None,
+            "finished": self._is_finished,
+            "read_again": self.read_again,
+            "kept": [
+                [
+                    kept.time if math.isfinite(kept.time) else None,
+                    kept.told,
+                    base64.b64encode(kept.state).decode("ascii"),
+                ]
+                for kept in self._kept
+            ],
         }
 
     def restore(self, row: dict[str, Any]) -> None:
         """Take over what :meth:`to_row` returned."""
-        self._reader.current = None if row["current"] is None else Pass(**row["current"])
-        self._reader.is_off = row["off"]
-        self._outlook.restore(row["outlook"])
-        self._surprises.restore(row["surprises"])
-        if self._patrol is not None and row["patrol"] is not None:
-            self._patrol.restore(row["patrol"])
-        self._off_since, self._is_off_told = row["off_since"], row["off_told"]
-        self._stays_since = row["stays_since"]
-
-        # The matcher takes the last fixes again, whose positions were read.
-        self._reader.done = math.inf
-        if row["matcher"]:
-            coordinates, times = self._window.coordinates(), self._window.times
-            for number in range(max(0, len(times) - _WARM_UP), len(times)):
-                position = tuple(coordinates[number].tolist())
-                time = float(times[number])
-                self._match(Fix("", "", time, time, position, self._window.geographic))
-            self.passed.clear()
-        self._reader.done = -math.inf if row["done"] is None else row["done"]
+        self._reader.restore(row["reader"])
+        self._told.restore(row["told"])
+        self._time = -math.inf if row["time"] is None else row["time"]
+        self._is_finished, self.read_again = row["finished"], row["read_again"]
+        self._kept = [
+            _Kept(-math.inf if time is None else time, told, base64.b64decode(state))
+            for time, told, state in row["kept"]
+        ]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from gpszip.live.events import Event
-from gpszip.live.monitor.known import KnownEvents
 from gpszip.live.monitor.on_map.closures import ClosureWatch
 from gpszip.live.monitor.on_map.known_map import KnownMap
 from gpszip.live.monitor.on_map.new_edges import NewEdges
@@ -26,20 +25,17 @@ class MapWatch:
     def __init__(self, known_map: KnownMap) -> None:
         self.closures = ClosureWatch(known_map)
         self._new_edges = NewEdges(known_map)
-        self._known = KnownEvents("", geographic=known_map.plane is not None)
 
     def take(self, agent: str, tracker: MapTracker, received: float) -> list[Event]:
         """Take what an agent has travelled since; return the events that follow."""
-        events: list[Event] = []
-        passed, tracker.passed = tracker.passed, []
-        for each in passed:
-            events += self.closures.add(agent, each, received)
-        paths, tracker.paths = tracker.paths, []
-        for path, time in paths:
-            for finding in self._new_edges.add(path, time):
-                like = f"{time:.3f} {agent}"
-                events.append(self._known.tell(finding, received, like=like))
-        return events
+        (passes, paths), passed, travelled = tracker.take_travelled()
+        events = self.closures.take(agent, passes, passed, received)
+        return events + self._new_edges.take(agent, paths, travelled, received)
+
+    def forget(self, agent: str) -> None:
+        """Note that an agent begins anew; what it travelled stays."""
+        self.closures.forget(agent)
+        self._new_edges.forget(agent)
 
     def to_row(self) -> dict[str, Any]:
         """Return the state as a value of JSON."""
