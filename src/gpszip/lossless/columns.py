@@ -276,7 +276,7 @@ def _run(
     guide: Guide | None = None,
 ) -> bool:
     """Run the column coder in either direction."""
-    from gpszip.lossless.kernels.column_coder import WEIGHT_SETS, code_column
+    from gpszip.lossless.kernels.column_coder import WEIGHT_SETS, bounds_of_bins, code_column
     from gpszip.lossless.kernels.decisions import new_decisions
     from gpszip.lossless.kernels.guided import new_guide_state
     from gpszip.lossless.kernels.predictions import new_predictor
@@ -284,22 +284,23 @@ def _run(
     # The kernel takes empty arrays for what there is not.
     guide = no_guide() if guide is None else guide
     known = [side for side in sides if side is not None]
-    rows = (len(known), len(values))
+    rows = len(values)
+    side_values = np.array([side.values for side in known], np.int64).reshape(len(known), rows)
+    side_shifts = np.array([side.shift for side in known], np.int64)
+    side_sizes = np.array([side.sizes for side in known], np.uint8).reshape(len(known), rows)
 
     # Values are read or written in place.
     return bool(
         code_column(
             coder,
             new_decisions(WEIGHT_SETS),
-            new_predictor(len(known), guided=len(guide.values) > 0),
+            new_predictor(rows, setting.shift, side_values, side_shifts),
             setting,
+            bounds_of_bins(setting),
             values,
             np.zeros(0, np.int64) if times is None else times.values,
-            np.array([side.values for side in known], np.int64).reshape(rows),
-            np.array([side.shift for side in known], np.int64),
-            np.array([side.sizes for side in known], np.uint8).reshape(rows),
+            np.minimum(side_sizes.max(axis=0, initial=0) // 3, 2),
             sizes,
-            np.zeros(10, np.int64),
             guide,
             new_guide_state(guide, setting.scale),
         )
