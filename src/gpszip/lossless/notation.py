@@ -36,6 +36,9 @@ _MINUS_ZERO = 128
 #: Most digits of a number.
 _MAX_DIGITS = 17
 
+#: Powers of ten that fit 64 bits.
+_POWERS = np.array([10**i for i in range(_MAX_DIGITS + 2)], np.int64)
+
 _Ints = NDArray[np.int64]
 _Counts = NDArray[np.uint8]
 
@@ -225,9 +228,8 @@ def _read_counts(cursor: Cursor, count: int, limit: int) -> _Ints:
 
 
 def _powers(exponents: _Ints) -> _Ints:
-    """Powers of ten."""
-    powers: _Ints = np.power(np.int64(10), exponents)
-    return powers
+    """Powers of ten, from a table: ``np.power`` takes 10 ns for each."""
+    return _POWERS[exponents]
 
 
 def _needed_places(column: _Ints, decimals: int, rule: int) -> _Ints:

@@ -59,7 +59,7 @@ _REACH = 12 * _UNIT
 #: ``squash`` for -12 to 12, and ``logit`` of the middles of 4,096 bins of probabilities. No
 #: entry lies near a half before it is rounded, so that they are the same on every machine.
 _SQUASH = np.round((1 << PROBABILITY_BITS) / (1 + np.exp(-np.arange(-_REACH, _REACH + 1) / _UNIT)))
-_SQUASH = np.clip(_SQUASH, 1, (1 << PROBABILITY_BITS) - 1).astype(np.int32)
+_SQUASH = np.clip(_SQUASH, 1, (1 << PROBABILITY_BITS) - 1).astype(np.uint16)
 _BINS = (np.arange(4096) + 0.5) / 4096
 _LOGIT = np.round(_UNIT * np.log(_BINS / (1 - _BINS))).astype(np.int16)
 _LOGIT_SHIFT = _CELL_BITS - 12 + _COUNT_BITS
@@ -68,11 +68,11 @@ _LOGIT_SHIFT = _CELL_BITS - 12 + _COUNT_BITS
 _LOG = np.round(_UNIT * np.log(np.arange(1, (1 << PROBABILITY_BITS) + 2))).astype(np.int16)
 
 #: Rate of a cell after n decisions, 1 / (n + 1.6), in units of 2**-16.
-_CELL_RATE = np.round(65536 / (np.arange(_COUNT_MASK + 1) + 1.6)).astype(np.int64)
+_CELL_RATE = np.round(65536 / (np.arange(_COUNT_MASK + 1) + 1.6)).astype(np.uint16)
 
 #: Rate of weights after n decisions, in units of 2**-20; measured on logs of many kinds.
 _WEIGHT_USES = 1 << 12
-_WEIGHT_RATE = np.round(4 + 26 * 100 / (100 + np.arange(_WEIGHT_USES))).astype(np.int64)
+_WEIGHT_RATE = np.round(4 + 26 * 100 / (100 + np.arange(_WEIGHT_USES))).astype(np.uint8)
 _WEIGHT_SHIFT = 20
 _WEIGHT_HALF = 1 << 19
 
@@ -131,7 +131,7 @@ def _moved(cell: int, probability: int, bit: int) -> int:
     """
     count = cell & _COUNT_MASK
     p = cell >> _COUNT_BITS if count > 0 else probability << (_CELL_BITS - PROBABILITY_BITS)
-    p += (((bit << _CELL_BITS) - p) * _CELL_RATE[np.uint32(count)]) >> 16
+    p += (((bit << _CELL_BITS) - p) * np.int64(_CELL_RATE[np.uint32(count)])) >> 16
     p = min(max(p, _MIN_CELL), (1 << _CELL_BITS) - _MIN_CELL)
     return (p << _COUNT_BITS) | min(count + 1, _MAX_COUNT)
 
@@ -198,7 +198,7 @@ def code_decision(
 
     # Learn the weights.
     use = weights[use_at]
-    error = ((np.int64(bit) << PROBABILITY_BITS) - probability) * _WEIGHT_RATE[np.uint32(use)]
+    error = ((np.int64(bit) << PROBABILITY_BITS) - probability) * np.int64(_WEIGHT_RATE[np.uint32(use)])
     weights[first] += (ratio * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
     weights[second] += (x * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
     weights[third] += (y * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
