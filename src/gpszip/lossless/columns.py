@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.container.layout import Cursor, encode_signed, encode_varint
-from gpszip.lossless.setting import EXACT, LAST_BIN, NEAR, Guide, Setting, no_guide
+from gpszip.lossless.setting import EXACT, FEW, LAST_BIN, MANY, NEAR, Guide, Setting, no_guide
 
 if TYPE_CHECKING:
     from gpszip.codec.kernels.range_coder import Coder
@@ -21,11 +21,13 @@ __all__ = ["MAX_VALUE", "CodedColumn", "decode_column", "encode_column"]
 MAX_VALUE = 1 << 57
 
 #: Methods: one value for all rows, or an order of thresholds of the column coder plus 1; with a
-#: guide 2 more; or runs of equal values.
+#: guide 2 more; or runs of equal values. Older columns have three contexts, those of today two.
 _CONSTANT = 0
-_CODED = 1
-_GUIDED = 2
+_CODED_BEFORE = 1
 _RUNS = 5
+_CODED = 6
+_GUIDED = 2
+_METHODS = 10
 
 #: Runs of equal values have so many rows on average at least. To code each row takes 130 ns, to
 #: repeat it none.
@@ -173,7 +175,9 @@ def decode_column(
 
     # The method and the first value; of a constant, that is all.
     method = cursor.read_byte("a column's method")
-    if method > _RUNS or (guide is None and _CODED + _GUIDED <= method < _RUNS):
+    base = _CODED if method >= _CODED else _CODED_BEFORE
+    is_guided = method != _RUNS and method - base >= _GUIDED
+    if method >= _METHODS or (is_guided and guide is None):
         raise cursor.error(f"no column is coded by method {method}")
     if method == _RUNS:
         values = _decode_runs(cursor, count)
@@ -193,9 +197,10 @@ def decode_column(
         raise cursor.error("the setting of a column is out of range")
 
     # The values; a method may leave the guide out.
-    if method <= _GUIDED:
-        guide = None
-    setting = Setting((method - _CODED) % 2, usual, unit, shift, scale, first_bin)
+    guide = guide if is_guided else None
+    contexts = FEW if base == _CODED else MANY
+    order = (method - base) % _GUIDED
+    setting = Setting(order, usual, unit, shift, scale, first_bin, contexts)
     payload = cursor.read_bytes(cursor.read_varint("a payload's length"), "a payload")
     if not _decode_with(setting, payload, values, times, sides, sizes, guide):
         raise cursor.error(f"a column ends before its {count} values")

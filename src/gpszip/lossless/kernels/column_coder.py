@@ -42,7 +42,7 @@ from gpszip.lossless.kernels.predictions import (
     learn,
     predict,
 )
-from gpszip.lossless.setting import EXACT, LAST_BIN, Guide, Setting
+from gpszip.lossless.setting import EXACT, FEW, LAST_BIN, Guide, Setting
 
 __all__ = ["WEIGHT_SETS", "bounds_of_bins", "code_column"]
 
@@ -169,7 +169,13 @@ def _inverse_scale(scale: int, digits: int) -> int:
 
 @inner_uncounted
 def _near_contexts(
-    center: int, scale: int, last_size: int, size_before: int, side_class: int, time_class: int
+    center: int,
+    scale: int,
+    last_size: int,
+    size_before: int,
+    side_class: int,
+    time_class: int,
+    has_third: bool,
 ) -> tuple[int, int, int]:
     """Return the part of each context that all decisions of a number share, near a prediction.
 
@@ -182,16 +188,13 @@ def _near_contexts(
     side_class, time_class : int
         Class of the errors of other columns at this row, and that of the ratio of times.
     """
-    # Classes of the mean error, of where the last value lies, and of the last errors.
+    # Classes of where the last value lies, of the last errors, and of the mean error.
     phase = (center & 15) >> 2 if scale < (4 << SUBSTEP_BITS) else np.int64(0)
     stay = min(max(_STAYS * scale - 4 * center, 0), 2 * _STAYS * scale)
     stay = np.int64(np.uint64(stay) // np.uint64(scale))
     sizes = (last_size + 10) * 12 + abs(size_before)
-    return (
-        min(_half_octaves(scale), 20) * 4 + phase,
-        stay * 21 + time_class,
-        sizes * 3 + side_class,
-    )
+    third = min(_half_octaves(scale), 20) * 4 + phase if has_third else np.int64(0)
+    return stay * 21 + time_class, sizes * 3 + side_class, third
 
 
 @inner_uncounted
@@ -314,6 +317,7 @@ def _code_step(
                 decisions,
                 first_set + node,
                 1 if step >= threshold else 0,
+                setting.contexts > FEW,
                 guided,
                 log_ratio(mass_high - mass, mass - mass_low),
                 _slots(base, setting, node, low, high),
@@ -415,6 +419,7 @@ def code_column(
     """
     is_exact, has_times = setting.order == EXACT, len(times) > 0
     shift, has_side = setting.shift, len(predictor.side_steps) > 0
+    has_third = setting.contexts > FEW
     fast, slow = np.int64(setting.scale), np.int64(setting.scale)
     last_size, size_before, last_elapsed = np.int64(0), np.int64(0), np.int64(0)
     elapsed, ratio, time_class, value = np.int64(0), np.int64(256), np.int64(0), values[0]
@@ -439,7 +444,9 @@ def code_column(
             base = _exact_contexts(last, before, side_step, time_class)
         else:
             side_class = np.int64(side_classes[row])
-            base = _near_contexts(center, scale, last_size, size_before, side_class, time_class)
+            base = _near_contexts(
+                center, scale, last_size, size_before, side_class, time_class, has_third
+            )
         scale = max(scale, 3)
         step, is_outlier = _code_step(
             coder,

@@ -27,7 +27,7 @@ __all__ = [
     "new_decisions",
 ]
 
-#: Contexts of a decision, each with a table of so many cells.
+#: Contexts of a decision at most, each with a table of so many cells.
 CONTEXTS = 3
 TABLE_SIZE = 1 << 14
 
@@ -148,6 +148,7 @@ def code_decision(
     decisions: Decisions,
     weight_set: int,
     bit: int,
+    has_third: bool,
     guided: bool,
     ratio: int,
     slots: tuple[int, int, int],
@@ -169,8 +170,9 @@ def code_decision(
         Row of the weights.
     bit : int
         The bit to encode; ignored by a decoder.
-    guided : bool
-        Whether there are inputs of a guide.
+    has_third, guided : bool
+        Whether there is a third context, and whether there are inputs of a guide. Without a third
+        one, the guide's context stands in place of the second.
     ratio, slots : int and tuple of int
         Input from the distribution, and the cell of each context.
     guide_ratio, guide_slot : int
@@ -180,18 +182,28 @@ def code_decision(
     first = np.uint32(weight_set) * np.uint32(_SET_SIZE)
     second, third, use_at = first + np.uint32(1), first + np.uint32(2), first + np.uint32(_USES)
     fourth, fifth, sixth = first + np.uint32(3), first + np.uint32(4), first + np.uint32(5)
-    slot, slot_b = np.uint32(slots[0]), np.uint32(slots[1] + TABLE_SIZE)
-    slot_c, slot_d = np.uint32(slots[2] + 2 * TABLE_SIZE), np.uint32(guide_slot + 3 * TABLE_SIZE)
+    slot_d = np.uint32(guide_slot + 3 * TABLE_SIZE)
+    slot, slot_c = np.uint32(slots[0]), np.uint32(slots[2] + 2 * TABLE_SIZE)
+    slot_b = np.uint32(slots[1] + TABLE_SIZE)
+    if guided and not has_third:
+        slot_b = slot_d
 
     # Predictions of the contexts, and their mixture. Scalars: arrays would go through memory.
-    a, b, c = np.int64(cells[slot]), np.int64(cells[slot_b]), np.int64(cells[slot_c])
-    x, y, z = _input_of(a), _input_of(b), _input_of(c)
-    dot = weights[first] * ratio + weights[second] * x + weights[third] * y + weights[fourth] * z
+    a, b = np.int64(cells[slot]), np.int64(cells[slot_b])
+    x, y = _input_of(a), _input_of(b)
+    dot = weights[first] * ratio + weights[second] * x + weights[third] * y
+    c, z = np.int64(0), np.int64(0)
+    if has_third:
+        c = np.int64(cells[slot_c])
+        z = _input_of(c)
+        dot += weights[fourth] * z
     d, v = np.int64(0), np.int64(0)
     if guided:
-        d = np.int64(cells[slot_d])
-        v = _input_of(d)
-        dot += weights[fifth] * guide_ratio + weights[sixth] * v
+        dot += weights[fifth] * guide_ratio
+        if has_third:
+            d = np.int64(cells[slot_d])
+            v = _input_of(d)
+            dot += weights[sixth] * v
     dot = min(max(dot >> _WEIGHT_BITS, -_REACH), _REACH)
     probability = np.int64(_SQUASH[np.uint32(dot + _REACH)])
     bit = code_binary(coder, probability, bit, PROBABILITY_BITS)
@@ -202,17 +214,19 @@ def code_decision(
     weights[first] += (ratio * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
     weights[second] += (x * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
     weights[third] += (y * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
-    weights[fourth] += (z * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
     weights[use_at] = min(use + 1, _WEIGHT_USES - 1)
 
     # Learn the cells.
     cells[slot] = _moved(a, probability, bit)
     cells[slot_b] = _moved(b, probability, bit)
-    cells[slot_c] = _moved(c, probability, bit)
     if guided:
         weights[fifth] += (guide_ratio * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
-        weights[sixth] += (v * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
-        cells[slot_d] = _moved(d, probability, bit)
+    if has_third:
+        weights[fourth] += (z * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
+        cells[slot_c] = _moved(c, probability, bit)
+        if guided:
+            weights[sixth] += (v * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
+            cells[slot_d] = _moved(d, probability, bit)
     return bit
 
 
