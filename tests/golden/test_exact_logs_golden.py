@@ -46,7 +46,8 @@ LOGS = {
     "empty": b"",
 }
 
-GOLDEN_COLUMNS = {
+#: Bytes of these columns with three contexts, which are only read.
+OLDER_COLUMNS = {
     "times": "02060400000128156deae76e2e6792c131d6a5325b727d5e060421fbcf",
     "near": (
         "02fc01a601000006b80a2f82e1ff652065074238407abcf6d4dd3ab8179ee082a3b0c6007982a93f49dd0714"
@@ -60,6 +61,26 @@ GOLDEN_COLUMNS = {
     "outlier": (
         "01fc0100230003b80a466bcde424abd94af4046dddb89501066b69d632f9e706719acba2a3798b71445d9791"
         "3ac514000006561babf772564dfcdbfb96296a8dfb7c6ad3d650895b5384374e31249502"
+    ),
+}
+
+#: The same with two contexts, as they are written today.
+GOLDEN_COLUMNS = {
+    "times": "0706040000012816729224885ad25c1cf85fe6a857ca0ced33dff202a5c4",
+    "near": (
+        "07fc01a601000006b80a3283043f38e5ed8890ca368f492e52c4a75841fd8c77ed6b579ca0c365475b360217"
+        "a2cd0c74045dc23ca4bd89310934f567a6"
+    ),
+    "beside": (
+        "07fc05f203000007981f468ce4edc015307ed425b199f886c1951d9076e4a31b3b3eb66daf7c8e39bbc871f5"
+        "4f081471afa41f4acc650eb5592cac83c818f00cdf66d2770cdbb824a3d8a1eb51e1805d8d"
+    ),
+    "exact": (
+        "070a000000010825697149caed93011bb8443de47a71bfb1fcb3ad137bde23f5cb36a4f43f227869f83c1e3a6a"
+    ),
+    "outlier": (
+        "06fc0100230003b80a496bcd4ced0b76378040f57a5fcf355e188bbc2e0065fd49eb2846c62f6254e958ac65"
+        "6c3f5c4a57a40003858d9ceffcfa5721e1e2dc6c1cb32d41f7251267ccd08361ea16f86c741335"
     ),
 }
 
@@ -100,11 +121,12 @@ def test_golden_columns_are_written(name):
     assert encoded()[name].hex() == GOLDEN_COLUMNS[name]
 
 
-def test_golden_columns_are_read():
+@pytest.mark.parametrize("golden", [GOLDEN_COLUMNS, OLDER_COLUMNS], ids=["today", "older"])
+def test_golden_columns_are_read(golden):
     times = encode_column(TIMES)[1]
     before = []
     for name, (values, has_help) in COLUMNS.items():
-        cursor = Cursor(bytes.fromhex(GOLDEN_COLUMNS[name]))
+        cursor = Cursor(bytes.fromhex(golden[name]))
         known = times if has_help else None
         back, column = decode_column(cursor, len(values), known, before * has_help)
         assert np.array_equal(back, values)
@@ -112,7 +134,8 @@ def test_golden_columns_are_read():
 
 
 def test_golden_columns_are_of_both_orders():
-    assert {bytes.fromhex(data)[0] for data in GOLDEN_COLUMNS.values()} == {1, 2}
+    assert {bytes.fromhex(data)[0] for data in OLDER_COLUMNS.values()} == {1, 2}
+    assert {bytes.fromhex(data)[0] for data in GOLDEN_COLUMNS.values()} == {6, 7}
 
 
 def test_golden_logs_are_read():

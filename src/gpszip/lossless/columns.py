@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -136,13 +136,13 @@ def encode_column(
     if len(starts) * _MIN_RUN <= len(values):
         return bytes([_RUNS]) + _encode_runs(values, starts), CodedColumn(values, 0, sizes)
 
-    # Short columns are coded by the choice.
-    setting, guide, payload, sizes = _choose_setting(values, times, sides, guide)
-    if len(values) > _TRIAL_ROWS:
-        payload, sizes = _encode_with(setting, values, times, sides, guide)
+    # The rows by which the setting was chosen are coded by then.
+    work = _choose_work(_Column(values.copy(), times, sides), guide)
+    work.code(len(values))
+    setting, payload, sizes = work.setting, work.payload(), work.sizes
 
     # The setting stands before the payload.
-    record = bytes([_CODED + setting.order + (0 if guide is None else _GUIDED)]) + b"".join(
+    record = bytes([_CODED + setting.order + (_GUIDED if work.is_guided else 0)]) + b"".join(
         [
             encode_signed(int(values[0])),
             encode_signed(setting.usual),
@@ -216,7 +216,7 @@ def _read_value(cursor: Cursor, what: str) -> int:
 
 
 def _encode_runs(values: _Ints, starts: NDArray[np.intp]) -> bytes:
-    """Encode runs of equal values, which start at these rows: how many, their values and lengths."""
+    """Encode runs of equal values, which start at these rows: number, values and lengths."""
     lengths = np.diff(starts, append=len(values)).astype(np.int64)
     parts = encode_column(values[starts])[0], encode_column(lengths)[0]
     return encode_varint(len(starts)) + b"".join(parts)
@@ -234,42 +234,32 @@ def _decode_runs(cursor: Cursor, count: int) -> _Ints:
     return np.repeat(values, lengths)
 
 
-def _choose_setting(
-    values: _Ints,
-    times: CodedColumn | None,
-    sides: Sequence[CodedColumn],
-    guide: Guide | None,
-) -> tuple[Setting, Guide | None, bytes, NDArray[np.uint8]]:
-    """Choose order and guide by the first rows; return them, with payload and sizes of these."""
+def _choose_work(column: _Column, guide: Guide | None) -> _Work:
+    """Choose order and guide by the first rows; return the work that has coded them."""
     # The order, then whether the guide helps.
-    settings = [_choose(values, order) for order in (NEAR, EXACT)]
-    head = values[:_TRIAL_ROWS]
-    known = (_head(times), [_head(side) for side in sides])
-    trials = [_encode_with(setting, head, *known, None) for setting in settings]
-    near, exact = (len(payload) for payload, _ in trials)
-    order = EXACT if exact < _EXACT_GAIN * near else NEAR
-    best = (settings[order], None, *trials[order])
+    settings = [_choose(column.values, order) for order in (NEAR, EXACT)]
+    near, exact = (_trial(column, setting, None) for setting in settings)
+    is_exact = exact.bits() < _EXACT_GAIN * near.bits()
+    best = exact if is_exact else near
     if guide is None:
         return best
-    payload, sizes = _encode_with(settings[order], head, *known, guide)
-    if len(payload) > _GUIDE_GAIN * min(near, exact):
+    guided = _trial(column, best.setting, guide)
+    if guided.bits() > _GUIDE_GAIN * min(near.bits(), exact.bits()):
         return best
 
     # Beside a guide, exact steps may help less.
-    best = (settings[order], guide, payload, sizes)
-    if order == EXACT and exact > _SURE_GAIN * near:
-        payload, sizes = _encode_with(settings[NEAR], head, *known, guide)
-        if len(best[2]) > _GUIDED_EXACT_GAIN * len(payload):
-            best = (settings[NEAR], guide, payload, sizes)
-    return best
+    if is_exact and exact.bits() > _SURE_GAIN * near.bits():
+        guided_near = _trial(column, settings[NEAR], guide)
+        if guided.bits() > _GUIDED_EXACT_GAIN * guided_near.bits():
+            return guided_near
+    return guided
 
 
-def _head(column: CodedColumn | None) -> CodedColumn | None:
-    """The first rows of a column."""
-    if column is None:
-        return None
-    head = slice(_TRIAL_ROWS)
-    return CodedColumn(column.values[head], column.shift, column.sizes[head])
+def _trial(column: _Column, setting: Setting, guide: Guide | None) -> _Work:
+    """Work on a column that has coded the first rows."""
+    work = _Work.encoding(column, setting, guide)
+    work.code(_TRIAL_ROWS)
+    return work
 
 
 def _choose(values: _Ints, order: int) -> Setting:
@@ -298,24 +288,128 @@ def _quantile(ordered: _Ints, share: float) -> float:
     return low + (high - low) * (place - int(place))
 
 
+class _Column:
+    """A column to code, and what helps to predict it, as kernels take it.
+
+    Parameters
+    ----------
+    values : int64 array, shape (n,)
+        The integers, of which a decoder knows the first; kernels write to them.
+    times : CodedColumn, optional
+        The column of times.
+    sides : sequence of CodedColumn
+        Other columns.
+    """
+
+    def __init__(
+        self, values: _Ints, times: CodedColumn | None, sides: Sequence[CodedColumn]
+    ) -> None:
+        from gpszip.lossless.kernels.predictions import steps_of_sides
+
+        rows, count = len(values), len(sides)
+        self.values = values
+        self.times = np.zeros(0, np.int64) if times is None else times.values
+        self.side_shifts = np.array([side.shift for side in sides], np.int64)
+        side_values = np.array([side.values for side in sides], np.int64).reshape(count, rows)
+        self.side_steps = steps_of_sides(side_values)
+        sizes = np.array([side.sizes for side in sides], np.uint8).reshape(count, rows)
+        self.side_classes = np.minimum(sizes.max(axis=0, initial=0) // 3, 2)
+
+
+class _Work:
+    """The column coder at work on a column, in either direction, row by row.
+
+    Parameters
+    ----------
+    column : _Column
+        The column.
+    setting : Setting
+        How it is coded.
+    guide : Guide, optional
+        What a walk says of it.
+    coder : Coder
+        Encodes or decodes.
+    """
+
+    def __init__(
+        self, column: _Column, setting: Setting, guide: Guide | None, coder: Coder
+    ) -> None:
+        # Kernels are compiled only where a column is coded.
+        from gpszip.lossless.kernels.column_coder import WEIGHT_SETS, bounds_of_bins
+        from gpszip.lossless.kernels.decisions import new_decisions
+        from gpszip.lossless.kernels.guided import new_guide_state
+        from gpszip.lossless.kernels.predictions import new_predictor
+
+        # The kernel takes empty arrays for what there is not.
+        rows = len(column.values)
+        self.column, self.setting, self.is_guided = column, setting, guide is not None
+        self.sizes = np.zeros(rows, np.uint8)
+        self._guide = no_guide() if guide is None else guide
+        self._coder, self._next = coder, min(rows, 1)
+        self._decisions = new_decisions(WEIGHT_SETS)
+        self._predictor = new_predictor(rows, setting.shift, column.side_steps, column.side_shifts)
+        self._bounds = bounds_of_bins(setting)
+        self._guide_state = new_guide_state(self._guide, setting.scale)
+        self._state = np.array([setting.scale, setting.scale, 0, 0, 0], np.int64)
+
+    @classmethod
+    def encoding(cls, column: _Column, setting: Setting, guide: Guide | None) -> _Work:
+        """Work of an encoder."""
+        from gpszip.codec.kernels.range_coder import new_encoder
+
+        coder = new_encoder(_ROW_BYTES * len(column.values) + _FREE_BYTES)
+        return cls(column, setting, guide, coder)
+
+    def code(self, end: int) -> bool:
+        """Code rows up to this one; return whether a decoder had enough bytes."""
+        from gpszip.lossless.kernels.column_coder import code_column
+
+        first, self._next = self._next, min(end, len(self.column.values))
+        return bool(
+            code_column(
+                self._coder,
+                self._decisions,
+                self._predictor,
+                self.setting,
+                self._bounds,
+                self.column.values,
+                self.column.times,
+                self.column.side_classes,
+                self.sizes,
+                self._guide,
+                self._guide_state,
+                self._state,
+                first,
+                self._next,
+            )
+        )
+
+    def bits(self) -> float:
+        """Bits that an encoder has written."""
+        from gpszip.codec.kernels.range_coder import bits_written
+
+        return bits_written(self._coder)
+
+    def payload(self) -> bytes:
+        """Bytes that an encoder has written; nothing can follow."""
+        from gpszip.codec.kernels.range_coder import finish
+
+        payload = finish(self._coder)
+        assert payload is not None
+        return payload
+
+
 def _encode_with(
     setting: Setting,
     values: _Ints,
     times: CodedColumn | None,
-    sides: Iterable[CodedColumn | None],
+    sides: Sequence[CodedColumn],
     guide: Guide | None,
 ) -> tuple[bytes, NDArray[np.uint8]]:
     """Encode all values but the first; return payload and classes of errors."""
-    # Kernels are compiled only where a column is coded.
-    from gpszip.codec.kernels.range_coder import finish, new_encoder
-
-    sizes = np.zeros(len(values), np.uint8)
-    coder = new_encoder(_ROW_BYTES * len(values) + _FREE_BYTES)
-    # The kernel takes arrays that it may write to.
-    _run(coder, setting, values.copy(), times, sides, sizes, guide)
-    payload = finish(coder)
-    assert payload is not None
-    return payload, sizes
+    work = _Work.encoding(_Column(values.copy(), times, sides), setting, guide)
+    work.code(len(values))
+    return work.payload(), work.sizes
 
 
 def _decode_with(
@@ -330,45 +424,7 @@ def _decode_with(
     """Fill in all values but the first; return whether the payload was long enough."""
     from gpszip.codec.kernels.range_coder import new_decoder
 
-    return _run(new_decoder(payload), setting, values, times, sides, sizes, guide)
-
-
-def _run(
-    coder: Coder,
-    setting: Setting,
-    values: _Ints,
-    times: CodedColumn | None,
-    sides: Iterable[CodedColumn | None],
-    sizes: NDArray[np.uint8],
-    guide: Guide | None = None,
-) -> bool:
-    """Run the column coder in either direction."""
-    from gpszip.lossless.kernels.column_coder import WEIGHT_SETS, bounds_of_bins, code_column
-    from gpszip.lossless.kernels.decisions import new_decisions
-    from gpszip.lossless.kernels.guided import new_guide_state
-    from gpszip.lossless.kernels.predictions import new_predictor
-
-    # The kernel takes empty arrays for what there is not.
-    guide = no_guide() if guide is None else guide
-    known = [side for side in sides if side is not None]
-    rows = len(values)
-    side_values = np.array([side.values for side in known], np.int64).reshape(len(known), rows)
-    side_shifts = np.array([side.shift for side in known], np.int64)
-    side_sizes = np.array([side.sizes for side in known], np.uint8).reshape(len(known), rows)
-
-    # Values are read or written in place.
-    return bool(
-        code_column(
-            coder,
-            new_decisions(WEIGHT_SETS),
-            new_predictor(rows, setting.shift, side_values, side_shifts),
-            setting,
-            bounds_of_bins(setting),
-            values,
-            np.zeros(0, np.int64) if times is None else times.values,
-            np.minimum(side_sizes.max(axis=0, initial=0) // 3, 2),
-            sizes,
-            guide,
-            new_guide_state(guide, setting.scale),
-        )
-    )
+    work = _Work(_Column(values, times, sides), setting, guide, new_decoder(payload))
+    is_whole = work.code(len(values))
+    sizes[:] = work.sizes
+    return is_whole

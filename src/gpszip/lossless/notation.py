@@ -122,10 +122,12 @@ def find_notation(values: _Ints, places: _Counts, widths: _Counts) -> tuple[Nota
     widths = widths & np.uint8(_MINUS_ZERO - 1)
 
     # One unit for all, if no number gets too large.
-    decimals = int(places.max(initial=0))
-    powers = _powers(decimals - places.astype(np.int64))
-    is_scaled = bool((np.abs(values) < MAX_VALUE // powers).all())
-    column = values * powers if is_scaled else values
+    decimals, sizes = int(places.max(initial=0)), np.abs(values)
+    column, is_scaled = values, bool(sizes.max(initial=0) < MAX_VALUE)
+    if (places != decimals).any():
+        powers = _powers(decimals - places.astype(np.int64))
+        is_scaled = bool((sizes < MAX_VALUE // powers).all())
+        column = values * powers if is_scaled else values
 
     # The rule of digits after the point.
     rule, listed = _LISTED, places.astype(np.int64)
@@ -138,10 +140,11 @@ def find_notation(values: _Ints, places: _Counts, widths: _Counts) -> tuple[Nota
 
     # The rule of digits before it.
     width_rule, width = _WIDTHS_LISTED, 0
-    needed = _needed_widths(values, places)
-    if (widths <= needed).all():
+    fewer = np.maximum(widths.astype(np.int64) - 1, 0)
+    digits = np.minimum(fewer + places, len(_POWERS) - 1)
+    if ((sizes >= _powers(digits)) | (fewer == 0)).all():
         width_rule = _NATURAL
-    elif (np.maximum(needed, widths.max()) == widths).all():
+    elif (np.maximum(_needed_widths(values, places), widths.max()) == widths).all():
         width_rule, width = _PADDED, int(widths.max())
     notation = Notation(
         rule,

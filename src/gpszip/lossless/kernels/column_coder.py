@@ -120,7 +120,7 @@ _DIGITS = np.array([max(value.bit_length() - 1, 0) for value in range(256)], np.
 
 
 def bounds_of_bins(setting: Setting) -> NDArray[np.int64]:
-    """Return the bounds of bins: in sixteenths of the mean error, or as steps from the usual one."""
+    """Return bounds of bins: in sixteenths of the mean error, or steps from the usual one."""
     return _EXACT_BOUNDS << setting.unit if setting.order == EXACT else _NEAR_BOUNDS
 
 
@@ -401,8 +401,11 @@ def code_column(
     sizes: NDArray[np.uint8],
     guide: Guide,
     guide_state: GuideState,
+    state: NDArray[np.int64],
+    first: int,
+    end: int,
 ) -> bool:
-    """Code all numbers of a column but the first; return whether a decoder had enough bytes.
+    """Code some numbers of a column; return whether a decoder had enough bytes.
 
     Parameters
     ----------
@@ -416,14 +419,25 @@ def code_column(
         Class of the errors of the other columns, 0 to 2, and of this one, which is filled in.
     guide, guide_state : Guide and GuideState
         What a walk says of the column, empty if nothing.
+    state : int64 array, shape (5,)
+        Fast and slow mean error, classes of the last two errors, and the last elapsed time: first
+        the setting's scale twice, and zeros.
+    first, end : int
+        First row, at least 1, and that after the last. Rows before have been coded.
     """
     is_exact, has_times = setting.order == EXACT, len(times) > 0
     shift, has_side = setting.shift, len(predictor.side_steps) > 0
     has_third = setting.contexts > FEW
-    fast, slow = np.int64(setting.scale), np.int64(setting.scale)
-    last_size, size_before, last_elapsed = np.int64(0), np.int64(0), np.int64(0)
-    elapsed, ratio, time_class, value = np.int64(0), np.int64(256), np.int64(0), values[0]
-    for i in range(1, len(values)):
+    fast, slow, last_size, size_before, last_elapsed = (
+        state[0],
+        state[1],
+        state[2],
+        state[3],
+        state[4],
+    )
+    elapsed, ratio, time_class = np.int64(0), np.int64(256), np.int64(0)
+    value = values[np.uint64(first - 1)]
+    for i in range(first, end):
         # What is known before the number.
         row = np.uint64(i)
         if has_times:
@@ -484,4 +498,6 @@ def code_column(
         fast, slow = _moved(fast, error, _FAST_SHIFT), _moved(slow, error, _SLOW_SHIFT)
         learn(predictor, i, fine_step, scale, shift, guided)
         last_elapsed = max(elapsed, 1)
+    state[0], state[1], state[4] = fast, slow, last_elapsed
+    state[2], state[3] = last_size, size_before
     return True

@@ -210,7 +210,9 @@ def code_decision(
 
     # Learn the weights.
     use = weights[use_at]
-    error = ((np.int64(bit) << PROBABILITY_BITS) - probability) * np.int64(_WEIGHT_RATE[np.uint32(use)])
+    error = ((np.int64(bit) << PROBABILITY_BITS) - probability) * np.int64(
+        _WEIGHT_RATE[np.uint32(use)]
+    )
     weights[first] += (ratio * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
     weights[second] += (x * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
     weights[third] += (y * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT

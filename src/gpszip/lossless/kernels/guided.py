@@ -125,6 +125,6 @@ def look_up(
 def learn_guide(state: GuideState, kind: int, error: int, scale: int) -> None:
     """Learn the error of what the guide said, in sixteenths, where the mean was ``scale``."""
     errors, uses, k = state.errors, state.uses, np.uint64(kind)
-    error = min(min(abs(error), _OUTLIER * scale), _MAX_ERROR)
+    error = min(abs(error), _OUTLIER * scale, _MAX_ERROR)
     uses[k] = min(uses[k] + 1, _MAX_USES)
     errors[k] += ((error << _ERROR_BITS) - errors[k]) // uses[k]

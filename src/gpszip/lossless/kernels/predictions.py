@@ -21,6 +21,7 @@ __all__ = [
     "learn",
     "new_predictor",
     "predict",
+    "steps_of_sides",
 ]
 
 #: Binary digits after the point of a step.
@@ -93,7 +94,7 @@ class Predictor(NamedTuple):
     steps : int64 array, shape (n + 8,)
         Steps of the column: that to row i at ``i + 7``. Rows before the first have zeros, and so
         has what was forgotten.
-    side_steps : int64 array, shape (sides, n + 4)
+    side_steps : int64 array, shape (sides, n + 3)
         The same of the other columns, all of which are known: that to row i at ``i + 3``.
     lanes : int64 array, shape (96,)
         Inputs of the filter, by what power of two each is divided, their mean squares in
@@ -112,8 +113,14 @@ class Predictor(NamedTuple):
     line: NDArray[np.int64]
 
 
+def steps_of_sides(sides: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the steps of other columns, after those of four rows before the first."""
+    steps = np.clip(np.diff(sides) << SUBSTEP_BITS, -_MAX_STEP, _MAX_STEP)
+    return np.pad(steps, ((0, 0), (_SIDE_LAGS, 0)))
+
+
 def new_predictor(
-    rows: int, shift: int, sides: NDArray[np.int64], side_shifts: NDArray[np.int64]
+    rows: int, shift: int, side_steps: NDArray[np.int64], side_shifts: NDArray[np.int64]
 ) -> Predictor:
     """Return a predictor that knows nothing.
 
@@ -121,15 +128,11 @@ def new_predictor(
     ----------
     rows, shift : int
         Length of the column, and by what power of two its steps are divided.
-    sides : int64 array, shape (sides, n)
-        Other columns.
+    side_steps : int64 array, shape (sides, rows + 3)
+        Steps of other columns, from :func:`steps_of_sides`.
     side_shifts : int64 array, shape (sides,)
         Their shifts.
     """
-    # Steps of the other columns, after those of four rows before the first.
-    steps = np.clip(np.diff(sides) << SUBSTEP_BITS, -_MAX_STEP, _MAX_STEP)
-    side_steps = np.pad(steps, ((0, 0), (_SIDE_LAGS, 0)))
-
     # Inputs come from the column, then from the others, then from a guide.
     lanes = np.zeros(_LANES, np.int64)
     lanes[_SHIFTS : _SHIFTS + _MAX_INPUTS] = shift
@@ -138,7 +141,7 @@ def new_predictor(
         lanes[first : first + _SIDE_LAGS] = side_shift
     return Predictor(
         np.zeros(rows + _LAGS, np.int64),
-        side_steps,
+        side_steps.copy(),
         lanes,
         np.zeros(_GUIDED_CANDIDATES, np.int64),
         np.full(_GUIDED_CANDIDATES, _FIRST_ERROR, np.int64),
@@ -204,9 +207,7 @@ def _filtered(lanes: NDArray[np.int64]) -> int:
 
 
 @inner_uncounted
-def _weighted_mean(
-    candidates: NDArray[np.int64], errors: NDArray[np.int64], count: int
-) -> int:
+def _weighted_mean(candidates: NDArray[np.int64], errors: NDArray[np.int64], count: int) -> int:
     """Mean of the candidates, by their errors."""
     # The first candidate that has the least error.
     best = np.uint64(0)
