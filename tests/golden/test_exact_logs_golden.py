@@ -183,8 +183,27 @@ GOLDEN_GUIDED = (
 )
 
 
-def test_a_golden_log_that_walks_predict_is_read():
-    archive = open_archive(bytes.fromhex(GOLDEN_GUIDED))
+#: The same archive with columns of two contexts, as it is written today.
+GOLDEN_TWO_CONTEXTS = (
+    "a75a3b011115015e122103a09096a4fedd0cad0ba32102070b16aedb4e51d20802c81c031e0002003b1a82ec"
+    "7bce04faf5fa5d66951b0343fa54f580b09adcbe6a007b0de4030101076275732e6373768c2fe798dd168c2f"
+    "d0030379022c2913cb4cd129c9cc4dd5c9492cd1c9c9cfd3c9cb2f49e5e512492a2dfecfa0f39f314a074481"
+    "102f170006000000000308012a0000000000060006200106070e000000010804002886d30202070202000001"
+    "1801390078000046ff00000106020600010100000796a4fedd0c16000001b801313a0749b395bf479956afcc"
+    "b08078d451cd8b90de8ae4e06bfed05fad1658923909d70bd37a3be120dbfa41c38fa49c78d7010100000892"
+    "b4e92c00000003a8588601481ab42d6eb00b7974321640cbdfa425e9be4aea8aaaf032d93ca275980bd5844b"
+    "9dda518223082bbe2892e8b2cf0b057b95f9a5e403bbb1ac33a6c460e4193bafbfe87a2704a74289aadbb8a0"
+    "a6db1c78acfbcd7f6243c22011b6278821bf41ca943c3b123fa39aa66d25accabe46300e6f764856d2db7dfd"
+    "016e92d7c02f3a8d91cdc7bad50101000007f6ced007c005000006a82c7a350e6d520bc862a12c99505362ec"
+    "2637043525d99293c742d061a1588d3774ff1173dd388ab3e21df97b2587b5b0e1215e25fbf1de2f5a2f594d"
+    "b0e43a2b7e005e8238aa4f4b2b4a1bdf628ebc0d070ab2c49cb2dc06211d930004dda49bb2786a59454d160d"
+    "e78df7436d04e3ac69d0a3c8b2e933f224f106bc010100000000e71ddbb8"
+)
+
+
+@pytest.mark.parametrize("golden", [GOLDEN_GUIDED, GOLDEN_TWO_CONTEXTS], ids=["older", "today"])
+def test_a_golden_log_that_walks_predict_is_read(golden):
+    archive = open_archive(bytes.fromhex(golden))
     logs = find_exact_logs(archive)
     assert logs.is_guided
     assert b"".join(logs.read(0)) == guided_text()
