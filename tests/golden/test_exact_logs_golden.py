@@ -46,7 +46,8 @@ LOGS = {
     "empty": b"",
 }
 
-GOLDEN_COLUMNS = {
+#: Bytes of these columns with three contexts, which are only read.
+OLDER_COLUMNS = {
     "times": "02060400000128156deae76e2e6792c131d6a5325b727d5e060421fbcf",
     "near": (
         "02fc01a601000006b80a2f82e1ff652065074238407abcf6d4dd3ab8179ee082a3b0c6007982a93f49dd0714"
@@ -60,6 +61,26 @@ GOLDEN_COLUMNS = {
     "outlier": (
         "01fc0100230003b80a466bcde424abd94af4046dddb89501066b69d632f9e706719acba2a3798b71445d9791"
         "3ac514000006561babf772564dfcdbfb96296a8dfb7c6ad3d650895b5384374e31249502"
+    ),
+}
+
+#: The same with two contexts, as they are written today.
+GOLDEN_COLUMNS = {
+    "times": "0706040000012816729224885ad25c1cf85fe6a857ca0ced33dff202a5c4",
+    "near": (
+        "07fc01a601000006b80a3283043f38e5ed8890ca368f492e52c4a75841fd8c77ed6b579ca0c365475b360217"
+        "a2cd0c74045dc23ca4bd89310934f567a6"
+    ),
+    "beside": (
+        "07fc05f203000007981f468ce4edc015307ed425b199f886c1951d9076e4a31b3b3eb66daf7c8e39bbc871f5"
+        "4f081471afa41f4acc650eb5592cac83c818f00cdf66d2770cdbb824a3d8a1eb51e1805d8d"
+    ),
+    "exact": (
+        "070a000000010825697149caed93011bb8443de47a71bfb1fcb3ad137bde23f5cb36a4f43f227869f83c1e3a6a"
+    ),
+    "outlier": (
+        "06fc0100230003b80a496bcd4ced0b76378040f57a5fcf355e188bbc2e0065fd49eb2846c62f6254e958ac65"
+        "6c3f5c4a57a40003858d9ceffcfa5721e1e2dc6c1cb32d41f7251267ccd08361ea16f86c741335"
     ),
 }
 
@@ -100,11 +121,12 @@ def test_golden_columns_are_written(name):
     assert encoded()[name].hex() == GOLDEN_COLUMNS[name]
 
 
-def test_golden_columns_are_read():
+@pytest.mark.parametrize("golden", [GOLDEN_COLUMNS, OLDER_COLUMNS], ids=["today", "older"])
+def test_golden_columns_are_read(golden):
     times = encode_column(TIMES)[1]
     before = []
     for name, (values, has_help) in COLUMNS.items():
-        cursor = Cursor(bytes.fromhex(GOLDEN_COLUMNS[name]))
+        cursor = Cursor(bytes.fromhex(golden[name]))
         known = times if has_help else None
         back, column = decode_column(cursor, len(values), known, before * has_help)
         assert np.array_equal(back, values)
@@ -112,7 +134,8 @@ def test_golden_columns_are_read():
 
 
 def test_golden_columns_are_of_both_orders():
-    assert {bytes.fromhex(data)[0] for data in GOLDEN_COLUMNS.values()} == {1, 2}
+    assert {bytes.fromhex(data)[0] for data in OLDER_COLUMNS.values()} == {1, 2}
+    assert {bytes.fromhex(data)[0] for data in GOLDEN_COLUMNS.values()} == {6, 7}
 
 
 def test_golden_logs_are_read():
@@ -161,8 +184,27 @@ GOLDEN_GUIDED = (
 )
 
 
-def test_a_golden_log_that_walks_predict_is_read():
-    archive = open_archive(bytes.fromhex(GOLDEN_GUIDED))
+#: The same archive with columns of two contexts, as it is written today.
+GOLDEN_TWO_CONTEXTS = (
+    "a75a3b011115015e122103a09096a4fedd0cad0ba32102070b16aedb4e51d20802c81c031e0002003b1a82ec"
+    "7bce04faf5fa5d66951b0343fa54f580b09adcbe6a007b0de4030101076275732e6373768c2fe798dd168c2f"
+    "d0030379022c2913cb4cd129c9cc4dd5c9492cd1c9c9cfd3c9cb2f49e5e512492a2dfecfa0f39f314a074481"
+    "102f170006000000000308012a0000000000060006200106070e000000010804002886d30202070202000001"
+    "1801390078000046ff00000106020600010100000796a4fedd0c16000001b801313a0749b395bf479956afcc"
+    "b08078d451cd8b90de8ae4e06bfed05fad1658923909d70bd37a3be120dbfa41c38fa49c78d7010100000892"
+    "b4e92c00000003a8588601481ab42d6eb00b7974321640cbdfa425e9be4aea8aaaf032d93ca275980bd5844b"
+    "9dda518223082bbe2892e8b2cf0b057b95f9a5e403bbb1ac33a6c460e4193bafbfe87a2704a74289aadbb8a0"
+    "a6db1c78acfbcd7f6243c22011b6278821bf41ca943c3b123fa39aa66d25accabe46300e6f764856d2db7dfd"
+    "016e92d7c02f3a8d91cdc7bad50101000007f6ced007c005000006a82c7a350e6d520bc862a12c99505362ec"
+    "2637043525d99293c742d061a1588d3774ff1173dd388ab3e21df97b2587b5b0e1215e25fbf1de2f5a2f594d"
+    "b0e43a2b7e005e8238aa4f4b2b4a1bdf628ebc0d070ab2c49cb2dc06211d930004dda49bb2786a59454d160d"
+    "e78df7436d04e3ac69d0a3c8b2e933f224f106bc010100000000e71ddbb8"
+)
+
+
+@pytest.mark.parametrize("golden", [GOLDEN_GUIDED, GOLDEN_TWO_CONTEXTS], ids=["older", "today"])
+def test_a_golden_log_that_walks_predict_is_read(golden):
+    archive = open_archive(bytes.fromhex(golden))
     logs = find_exact_logs(archive)
     assert logs.is_guided
     assert b"".join(logs.read(0)) == guided_text()

@@ -18,7 +18,8 @@ from gpszip.lossless.columns import (
     encode_column,
 )
 from gpszip.lossless.kernels import column_coder, decisions
-from gpszip.lossless.setting import EXACT, NEAR
+from gpszip.lossless.setting import EXACT, FEW, MANY, NEAR
+from oracle.exact_logs import Bytes, read_column
 from oracle.lossless import ColumnDecoder
 
 #: Columns of many kinds: any integers, small steps, few different steps, noise about a line.
@@ -66,12 +67,14 @@ def test_any_columns_help_each_other(values, times, side):
 
 
 @pytest.mark.parametrize("order", [NEAR, EXACT])
-@pytest.mark.parametrize("noise", [0.2, 3, 10**4, 10**9])
-def test_the_plain_decoder_reads_what_the_kernel_writes(order, noise):
+@pytest.mark.parametrize(
+    ("noise", "contexts"), [(0.2, FEW), (3, FEW), (3, MANY), (10**4, MANY), (10**9, FEW)]
+)
+def test_the_plain_decoder_reads_what_the_kernel_writes(order, noise, contexts):
     times, x, y = drive(noise=noise)
     sides = [coded(x), coded(y[::-1])]
     known = [coded(times), *sides]
-    setting = _choose(y, order)
+    setting = _choose(y, order)._replace(contexts=contexts)
     payload, sizes = _encode_with(setting, y.copy(), known[0], sides, None)
     plain = ColumnDecoder(
         payload,
@@ -115,6 +118,42 @@ def test_noise_takes_little_more_than_its_entropy():
 def test_standing_still_takes_a_few_bytes():
     assert len(encode_column(np.full(10**6, 7))[0]) < 8
     assert len(encode_column(np.arange(10**5) * 1000)[0]) < 80
+
+
+def test_long_runs_are_coded_by_their_lengths():
+    values = np.repeat([7, -3, 7, 10**12], [700, 1, 900, 400])
+    data, column = encode_column(values)
+    cursor = Cursor(data)
+    back, _ = decode_column(cursor, len(values))
+    cursor.expect_end("the column")
+    assert np.array_equal(back, values)
+    assert read_column(Bytes(data), len(values)).values == values.tolist()
+    assert len(data) < 60
+    assert not column.sizes.any()
+
+
+@pytest.mark.parametrize(
+    ("rows", "lengths", "message"),
+    [
+        (600, [300, 301], "the runs do not have 600 values"),
+        (600, [600, 0], "the runs do not have 600 values"),
+        (511, [300, 211], "2 runs of 511 values"),
+        (600, [], "0 runs of 600 values"),
+    ],
+)
+def test_forged_runs_are_refused(rows, lengths, message):
+    runs = np.array(lengths, np.int64)
+    parts = encode_column(np.arange(len(runs)))[0], encode_column(runs)[0]
+    with pytest.raises(CorruptArchiveError, match=message):
+        decode_column(Cursor(bytes([5, len(runs)]) + b"".join(parts)), rows)
+
+
+def test_a_column_in_parts_has_the_bytes_of_the_whole():
+    times, x, _ = drive(rows=4500, noise=40)
+    data, known = encode_column(x, coded(times))
+    whole, sizes = _encode_with(_choose(x, data[0] - 6), x, coded(times), [], None)
+    assert data.endswith(whole)
+    assert np.array_equal(known.sizes, sizes)
 
 
 def test_tables_are_the_same_on_every_machine():

@@ -22,7 +22,7 @@ from gpszip.lossless.guides import (
     encode_guide,
 )
 from gpszip.lossless.logs import read_exact_logs, write_exact_logs
-from gpszip.lossless.setting import EXACT, NEAR, Guide
+from gpszip.lossless.setting import EXACT, FEW, MANY, NEAR, Guide
 from gpszip.lossless.tables import decode_table, encode_table
 from gpszip.lossless.text import decode_block, encode_block
 from gpszip.lossless.trails import NO_TRAILS, Trail
@@ -198,7 +198,7 @@ def test_the_plain_decoder_reads_columns_with_guides(order, unit):
     classes = random.integers(0, 6, 300).astype(np.uint8)
     empty = np.zeros(0, np.int64)
     guide = Guide(numbers, classes, empty, empty, 0)
-    setting = _choose(values, order)
+    setting = _choose(values, order)._replace(contexts=MANY if unit == 1000 else FEW)
     payload, sizes = _encode_with(setting, values, None, [], guide)
     plain = RowsGuide(numbers.tolist(), classes.tolist())
     decoder = ColumnDecoder(payload, setting, [], [], [], [], plain)

@@ -167,13 +167,21 @@ def read_column(source, count, times=None, sides=(), guide=None):
     """Integers of a column, with its shift and classes of errors."""
     if count == 0:
         return SimpleNamespace(values=[], shift=0, sizes=[])
-    method, first = source.u8(), source.signed()
+    method = source.u8()
+    if method == 5:
+        runs = source.varint()
+        values, lengths = read_column(source, runs).values, read_column(source, runs).values
+        values = [v for v, n in zip(values, lengths, strict=True) for _ in range(n)]
+        return SimpleNamespace(values=values, shift=0, sizes=[0] * count)
+    first = source.signed()
     if method == 0:
         return SimpleNamespace(values=[first] * count, shift=0, sizes=[0] * count)
     usual, unit, shift, first_bin = source.signed(), source.u8(), source.u8(), source.u8()
     scale = source.varint()
+    contexts, method = (3, method) if method < 5 else (2, method - 5)
     setting = SimpleNamespace(
         order=(method - 1) % 2,
+        contexts=contexts,
         usual=usual,
         unit=unit,
         shift=shift,

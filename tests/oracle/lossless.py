@@ -54,12 +54,11 @@ class Mixture:
         return bit
 
     def decide(self, row, ratio, slots, guide_ratio=None):
-        """Without a guide there are four inputs, with one its ratio and its cell, too."""
+        """Inputs are the ratio, that of a guide, and a cell for each context."""
         weights, uses = self.sets.setdefault(row, ([39322] + [16384] * 5, [0]))
-        cells = [self.cells.setdefault((k, slot), Cell()) for k, slot in enumerate(slots)]
-        inputs = [ratio] + [logit(cell.p) if cell.count else 0 for cell in cells]
-        if guide_ratio is not None:
-            inputs.insert(4, guide_ratio)
+        cells = [self.cells.setdefault(slot, Cell()) for slot in slots]
+        inputs = [ratio, *([] if guide_ratio is None else [guide_ratio])]
+        inputs += [logit(cell.p) if cell.count else 0 for cell in cells]
         dot = clip(sum(w * x for w, x in zip(weights, inputs, strict=False)) >> 16, 3072)
         p = min(max(round(65536 / (1 + math.exp(-dot / 256))), 1), 65535)
         bit = self.bit(p)
@@ -285,12 +284,15 @@ class ColumnDecoder:
         ]
 
     def slots(self, node, low, high):
+        """Number and cell of each context."""
         if self.setting.order == 0:
-            return [(base * 32 + node) % 2**14 for base in self.bases]
+            return [(k, (base * 32 + node) % 2**14) for k, base in enumerate(self.bases)]
         usual = self.setting.usual
         key = (low - usual) * 0x9E3779B1 + (high - usual) * 0x2545F4914F6CDD1D
         key *= 0x5851F42D4C957F2D
-        return [(base % 2**64 ^ key % 2**64) >> 40 & 2**14 - 1 for base in self.bases]
+        return [
+            (k, (base % 2**64 ^ key % 2**64) >> 40 & 2**14 - 1) for k, base in enumerate(self.bases)
+        ]
 
     def threshold(self, side, number):
         setting = self.setting
@@ -320,13 +322,17 @@ class ColumnDecoder:
             middle = mass_below(distance, inverse)
             ratio = log_ratio(above - middle, middle - below)
             slots = self.slots(node, low, high)
+            if setting.contexts == 2:
+                # Near a prediction the mean error is left out, of exact steps the other column.
+                slots = slots[1:] if setting.order == 0 else slots[:2]
+                slots = slots[:1] if self.guide_class else slots
             row, guide_ratio = sharpness * 33 + node, None
             if self.guide_class:
                 distance = clip((threshold * 16 - 8 - self.guide_center) >> guide_digits, 2**24)
                 guide_middle = mass_below(distance, guide_inverse)
                 guide_ratio = log_ratio(guide_above - guide_middle, guide_middle - guide_below)
                 place = clip((distance * guide_inverse >> 18) * 3 >> 11, 15) + 15
-                slots.append(((place * 8 + self.guide_class) * 64 + node) % 2**14)
+                slots.append(("guide", ((place * 8 + self.guide_class) * 64 + node) % 2**14))
                 row += 99 * self.guide_class
             bit = self.mixture.decide(row, ratio, slots, guide_ratio)
             if self.guide_class:

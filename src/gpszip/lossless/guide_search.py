@@ -135,18 +135,15 @@ class GuideFinder:
         roles = tuple(Role() for _ in columns)
         guide = TableGuide(tracks, rows, exponent, zone, slack, roles)
         knots = Knots(guide, self.trails, grid)
-        multiples = grid.multiples(columns[times])
-        places = knots.locate(multiples)
+        places = knots.locate(grid.multiples(columns[times]))
         roles = tuple(
             Role() if i == times else self._find_role(column, decimals[i], guide, knots, places)
             for i, column in enumerate(columns)
         )
         self.has_found = True
-        found = Guided(TableGuide(tracks, rows, exponent, zone, slack, roles), self.trails)
         # The table is coded with the same knots and places.
-        found.column_guide(times, times, grid)
-        found.locate(multiples)
-        return found
+        guide = TableGuide(tracks, rows, exponent, zone, slack, roles)
+        return Guided(guide, self.trails, knots, places)
 
     def _find_unit(self, numbers: _Ints, decimals: int) -> tuple[int, int] | None:
         """Power of ten and zone of a column of times; None if they are not those of the walks."""

@@ -121,13 +121,21 @@ class Guided:
         Which rows lie on which walk.
     trails : Trails
         The walks.
+    knots, places : Knots and Places, optional
+        Where a writer has found them already: the knots, and where rows lie between them.
     """
 
-    def __init__(self, guide: TableGuide, trails: Trails) -> None:
+    def __init__(
+        self,
+        guide: TableGuide,
+        trails: Trails,
+        knots: Knots | None = None,
+        places: Places | None = None,
+    ) -> None:
         self.guide = guide
         self._trails = trails
-        self._knots: Knots | None = None
-        self._places: Places | None = None
+        self._knots = knots
+        self._places = places
 
     def column_guide(self, i: int, times: int | None, grid: Grid) -> Guide | None:
         """Guide of column i, whose grid is known; None where walks tell nothing of it.
@@ -135,7 +143,8 @@ class Guided:
         That of the column of times comes first.
         """
         if i == times:
-            self._knots = Knots(self.guide, self._trails, grid)
+            if self._knots is None:
+                self._knots = Knots(self.guide, self._trails, grid)
             return self._knots.times_guide()
         role = self.guide.roles[i]
         if role.kind == NO_ROLE or self._knots is None or self._places is None:

@@ -7,11 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["EXACT", "LAST_BIN", "NEAR", "Guide", "Setting"]
+__all__ = ["EXACT", "FEW", "LAST_BIN", "MANY", "NEAR", "Guide", "Setting"]
 
 #: Orders of thresholds: near the prediction, and exact.
 NEAR = 0
 EXACT = 1
+
+#: Contexts of a decision, with that of a guide: two, or three and that of the guide. More than two
+#: take 10 to 20 % of the time, and save 0.2 % of the bytes.
+FEW = 2
+MANY = 3
 
 #: Bins of a side are 0 to this.
 LAST_BIN = 15
@@ -34,6 +39,8 @@ class Setting(NamedTuple):
         First mean error, in sixteenths of a step.
     first_bin : int
         Bin whose bound is asked for first, 1 to 15.
+    contexts : int, default 2
+        Contexts of a decision, 2 or 3.
     """
 
     order: int
@@ -42,6 +49,7 @@ class Setting(NamedTuple):
     shift: int
     scale: int
     first_bin: int
+    contexts: int = FEW
 
 
 class Guide(NamedTuple):

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from gpszip.container.layout import Cursor, encode_varint
 from gpszip.lossless.columns import (
-    CONSTANT,
-    GUIDED,
     MAX_VALUE,
     CodedColumn,
     decode_column,
@@ -180,9 +178,9 @@ def _find_columns(
             raise cursor.error(f"a column is predicted by {sides} of {len(varying)}")
         offset = cursor.offset
         decode_grid(cursor, rows)
-        method = skip_column(cursor) if rows else CONSTANT
-        places[i] = _Place(offset, tuple(varying[::-1][:sides]), method > GUIDED)
-        if i != times and method != CONSTANT:
+        differs, is_guided = skip_column(cursor) if rows else (False, False)
+        places[i] = _Place(offset, tuple(varying[::-1][:sides]), is_guided)
+        if i != times and differs:
             varying.append(i)
     return places
 

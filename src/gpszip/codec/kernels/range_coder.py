@@ -17,6 +17,7 @@ encodes), ``code`` (when it decodes: the code word less the low of the encoder) 
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,7 @@ __all__ = [
     "DECODES",
     "DIRECTION",
     "Coder",
+    "bits_written",
     "code_binary",
     "code_bits",
     "code_interval",
@@ -228,6 +230,11 @@ def code_bits(coder: Coder, value: int, count: int) -> int:
 def count_bits(coder: Coder) -> float:
     """Return how many bits have been written, to a fraction of a bit."""
     return 8.0 * coder.cursor[_NEXT_BYTE] + 64.0 - np.log2(np.float64(coder.words[_RANGE]))
+
+
+def bits_written(coder: Coder) -> float:
+    """Return how many bits have been written, to a fraction of a bit; for Python."""
+    return 8.0 * int(coder.cursor[_NEXT_BYTE]) + 64.0 - math.log2(int(coder.words[_RANGE]))
 
 
 @jit_uncounted

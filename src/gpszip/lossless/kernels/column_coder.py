@@ -28,34 +28,23 @@ from gpszip.codec.kernels.range_coder import (
 )
 from gpszip.kernels.jit import inner_uncounted, jit_uncounted
 from gpszip.lossless.kernels.decisions import (
-    CONTEXTS,
-    GUIDE_INPUT,
     TABLE_SIZE,
     Decisions,
     code_decision,
     code_excess,
     log_ratio,
 )
-from gpszip.lossless.kernels.guided import (
-    CLASS,
-    GUIDE_CLASSES,
-    SCALE,
-    STEP,
-    GuideState,
-    learn_guide,
-    look_up,
-)
+from gpszip.lossless.kernels.guided import GUIDE_CLASSES, GuideState, learn_guide, look_up
 from gpszip.lossless.kernels.predictions import (
     SUBSTEP_BITS,
     Predictor,
     forget,
     learn,
     predict,
-    set_inputs,
 )
-from gpszip.lossless.setting import EXACT, LAST_BIN, NEAR, Guide, Setting
+from gpszip.lossless.setting import EXACT, FEW, LAST_BIN, Guide, Setting
 
-__all__ = ["WEIGHT_SETS", "code_column"]
+__all__ = ["WEIGHT_SETS", "bounds_of_bins", "code_column"]
 
 #: Bins of a side, and their bounds: in sixteenths of the mean error, and in units of exact steps.
 _BINS = LAST_BIN + 1
@@ -67,6 +56,9 @@ _EXACT_BOUNDS = np.array([0] + [1 << i for i in range(_BINS - 1)], np.int64)
 #: Decisions within an exact bin that have contexts; below them all numbers are equally likely.
 _MAX_HALVES = 8
 
+#: What a decision is about: the side, the first bin asked for, others, halves of a bin.
+_SIDE, _FIRST_BIN, _OUTWARDS, _INWARDS, _HALVES = 0, 1, 2, 3, 4
+
 #: Nodes of the tree: the first decision, bins of either side, halves. Each has a set of weights for
 #: each of three classes of scales.
 _HALF_NODE = 2 * _BINS
@@ -76,6 +68,14 @@ WEIGHT_SETS = 3 * _NODES * GUIDE_CLASSES
 #: Mean errors are in sixteenths of a step, at least 2 and at most 2**46.
 _MIN_SCALE = 2
 _MAX_SCALE = 1 << 46
+
+#: Classes of errors are half octaves of 1 + 4 * error / mean error: 9 is from 24 on.
+_LAST_SIZE = 9
+_LARGEST = 23
+_SIZES = np.array([0, 2, 3, 4, 4, 5, 5] + [6] * 4 + [7] * 4 + [8] * 8, np.int64)
+
+#: Where the last value lies about the prediction, in quarters of the mean error: up to 9.
+_STAYS = 9
 
 #: Rates of the fast and the slow mean error, 1/8 and 1/32.
 _FAST_SHIFT = 3
@@ -98,6 +98,7 @@ _LOGISTIC = np.round(65536 / (1 + np.exp(-np.arange(-_REACH * 64, _REACH * 64 + 
 _LOGISTIC = _LOGISTIC.astype(np.int32)
 _LOGISTIC[0] = 0
 _LOGISTIC[-1] = 65536
+_LOGISTIC = np.append(_LOGISTIC, _LOGISTIC[-1])
 _ALL = 65536
 _SCALED = 1420  # 1024 * 1.386
 
@@ -116,6 +117,11 @@ _SCATTER_HIGH = np.int64(0x2545F4914F6CDD1D)
 
 #: Logarithms of 0 to 255 to base two, rounded down.
 _DIGITS = np.array([max(value.bit_length() - 1, 0) for value in range(256)], np.int64)
+
+
+def bounds_of_bins(setting: Setting) -> NDArray[np.int64]:
+    """Return bounds of bins: in sixteenths of the mean error, or steps from the usual one."""
+    return _EXACT_BOUNDS << setting.unit if setting.order == EXACT else _NEAR_BOUNDS
 
 
 @inner_uncounted
@@ -139,13 +145,10 @@ def _clip(value: int, limit: int) -> int:
 @inner_uncounted
 def _mass_below(z: int) -> int:
     """Mass of a logistic distribution, of 65,536, below z 1024ths of its scale past -16 scales."""
-    if z <= 0:
-        return np.int64(0)
-    if z >= 2 * _REACH * 1024:
-        return np.int64(_ALL)
-    j = z >> 4
-    here = np.int64(_LOGISTIC[np.uint32(j)])
-    slope = np.int64(_LOGISTIC[np.uint32(j + 1)]) - here
+    z = min(max(z, 0), 2 * _REACH * 1024)
+    j = np.uint32(z >> 4)
+    here = np.int64(_LOGISTIC[j])
+    slope = np.int64(_LOGISTIC[j + np.uint32(1)]) - here
     return here + ((slope * (z & 15)) >> 4)
 
 
@@ -165,70 +168,66 @@ def _inverse_scale(scale: int, digits: int) -> int:
 
 
 @inner_uncounted
-def _set_contexts(
-    base: NDArray[np.int64],
-    setting: Setting,
-    predictor: Predictor,
+def _near_contexts(
     center: int,
-    scales: NDArray[np.int64],
-    signed_sizes: NDArray[np.int64],
-    side_size: int,
-    side_step: int,
+    scale: int,
+    last_size: int,
+    size_before: int,
+    side_class: int,
     time_class: int,
-) -> None:
-    """Enter the part of each context that all decisions of a number share.
+    has_third: bool,
+) -> tuple[int, int, int]:
+    """Return the part of each context that all decisions of a number share, near a prediction.
 
     Parameters
     ----------
-    base : int64 array, shape (3,)
-        Filled in.
-    center : int
-        Predicted step, in sixteenths.
-    scales : int64 array, shape (2,)
-        Fast and slow mean error.
-    signed_sizes : int64 array, shape (2,)
+    center, scale : int
+        Predicted step, and mean error, in sixteenths.
+    last_size, size_before : int
         Classes of the last two errors, with their signs.
-    side_size, side_step : int
-        Class of the error, and the step, that the other columns have at this row.
-    time_class : int
-        Class of the ratio of times.
+    side_class, time_class : int
+        Class of the errors of other columns at this row, and that of the ratio of times.
     """
-    # Last steps and those of another column, where they are near zero.
-    if setting.order == EXACT:
-        last = _clip(predictor.steps[0] >> SUBSTEP_BITS, 31) + 31
-        before = _clip(predictor.steps[1] >> SUBSTEP_BITS, 31) + 31
-        other = _clip(side_step, 31) + 31
-        base[0] = 0
-        base[1] = (last * 64 + before + 1) * _SCATTER
-        base[2] = (other + 64 * time_class + 1) * _SCATTER_HIGH
-        return
-
-    # Classes of the mean error, of where the last value lies, and of the last errors.
-    scale = (scales[0] + 2 * scales[1]) // 3
+    # Classes of where the last value lies, of the last errors, and of the mean error.
     phase = (center & 15) >> 2 if scale < (4 << SUBSTEP_BITS) else np.int64(0)
-    stay = _clip(-4 * center // scale, 9) + 9
-    base[0] = min(_half_octaves(scale), 20) * 4 + phase
-    base[1] = stay * 21 + time_class
-    base[2] = ((signed_sizes[0] + 10) * 12 + abs(signed_sizes[1])) * 3 + min(side_size // 3, 2)
+    stay = min(max(_STAYS * scale - 4 * center, 0), 2 * _STAYS * scale)
+    stay = np.int64(np.uint64(stay) // np.uint64(scale))
+    sizes = (last_size + 10) * 12 + abs(size_before)
+    third = min(_half_octaves(scale), 20) * 4 + phase if has_third else np.int64(0)
+    return stay * 21 + time_class, sizes * 3 + side_class, third
 
 
 @inner_uncounted
-def _set_slots(
-    decisions: Decisions,
-    base: NDArray[np.int64],
-    setting: Setting,
-    node: int,
-    low: int,
-    high: int,
-) -> None:
-    """Enter the cells of a decision: of its node, or of the steps that are still possible."""
+def _exact_contexts(
+    last: int, before: int, side_step: int, time_class: int
+) -> tuple[int, int, int]:
+    """Return the same of exact steps: last steps and those of another column, near zero.
+
+    Parameters
+    ----------
+    last, before, side_step : int
+        Last step, that before it, and that of another column to this row, in sixteenths.
+    """
+    last = _clip(last >> SUBSTEP_BITS, 31) + 31
+    before = _clip(before >> SUBSTEP_BITS, 31) + 31
+    other = _clip(side_step >> SUBSTEP_BITS, 31) + 31
+    first = (last * 64 + before + 1) * _SCATTER
+    return np.int64(0), first, (other + 64 * time_class + 1) * _SCATTER_HIGH
+
+
+@inner_uncounted
+def _slots(
+    base: tuple[int, int, int], setting: Setting, node: int, low: int, high: int
+) -> tuple[int, int, int]:
+    """Return the cells of a decision: of its node, or of the steps that are still possible."""
+    a, b, c = base
     if setting.order == EXACT:
         key = (low - setting.usual) * _SCATTER_LOW + (high - setting.usual) * _SCATTER_HIGH
-        for k in range(CONTEXTS):
-            decisions.slots[k] = ((base[k] ^ key * _SCATTER) >> 40) & (TABLE_SIZE - 1)
-        return
-    for k in range(CONTEXTS):
-        decisions.slots[k] = (base[k] * 32 + node) & (TABLE_SIZE - 1)
+        key *= _SCATTER
+        a, b, c = (a ^ key) >> 40, (b ^ key) >> 40, (c ^ key) >> 40
+    else:
+        a, b, c = a * 32 + node, b * 32 + node, c * 32 + node
+    return a & (TABLE_SIZE - 1), b & (TABLE_SIZE - 1), c & (TABLE_SIZE - 1)
 
 
 @inner_uncounted
@@ -254,137 +253,139 @@ def _code_rest(coder: Coder, value: int, low: int, high: int) -> int:
 
 
 @inner_uncounted
-def _threshold(setting: Setting, center: int, scale: int, side: int, bin: int) -> int:
-    """Step at which a bin of a side begins, counted outwards; of bin 0, the sides' border."""
-    if setting.order == EXACT:
-        bound = _EXACT_BOUNDS[bin] << setting.unit
-        return setting.usual + bound if side else setting.usual - bound
-    bound = (scale * _NEAR_BOUNDS[bin]) >> 4
-    half = (1 << SUBSTEP_BITS) - 1
-    if side:
-        return (center + bound + half) >> SUBSTEP_BITS
-    return 1 - ((bound - center + half) >> SUBSTEP_BITS)
-
-
-@inner_uncounted
 def _code_step(
     coder: Coder,
     decisions: Decisions,
-    base: NDArray[np.int64],
+    base: tuple[int, int, int],
     setting: Setting,
+    bounds: NDArray[np.int64],
     center: int,
-    scales: NDArray[np.int64],
+    scale: int,
     step: int,
-    guide_place: NDArray[np.int64],
+    guide_class: int,
+    guide_step: int,
+    guide_scale: int,
 ) -> tuple[int, bool]:
     """Code a step; return it, and whether it lies beyond all bins.
 
     ``low`` and ``high`` bound the steps that are still possible. A decision whose threshold lies
-    outside is not coded.
+    outside is not coded. The bounds of bins are at ``(origin +- (unit * bound >> 4)) >> digits``.
     """
-    scale = max((scales[0] + 2 * scales[1]) // 3, 3)
-    class_of_scale = 0 if scale >= 16 else (1 if scale >= 4 else 2)
-
     # The distribution divides distances by its scale.
     digits = _spare_digits(scale)
     inverse = _inverse_scale(scale, digits)
     mass_low, mass_high = np.int64(0), np.int64(_ALL)
+    first_set = (0 if scale >= 16 else (1 if scale >= 4 else 2)) * _NODES
+    middle = center + (1 << (SUBSTEP_BITS - 1))
 
     # So does that of the guide.
-    guide_class, guide_center, guide_scale = (
-        guide_place[CLASS],
-        guide_place[STEP],
-        guide_place[SCALE],
-    )
     guided = guide_class > 0
+    guide_middle = guide_step + (1 << (SUBSTEP_BITS - 1))
     guide_digits = _spare_digits(guide_scale)
     guide_inverse = _inverse_scale(guide_scale, guide_digits)
     guide_low, guide_high, guide_mass = np.int64(0), np.int64(_ALL), np.int64(0)
+    guide_ratio, guide_slot = np.int64(0), np.int64(0)
+    first_set += 3 * _NODES * guide_class
+
+    # The sides' border, which is the lower bound of the upper side's bin 0.
+    is_exact = setting.order == EXACT
+    unit = np.int64(16) if is_exact else scale
+    shift = np.int64(0) if is_exact else np.int64(SUBSTEP_BITS)
+    origin = setting.usual if is_exact else center + ((1 << SUBSTEP_BITS) - 1)
+    threshold = origin >> shift
 
     # First the side, then bins outwards or inwards from the first one, then halves of a bin.
     low, high = np.int64(-_UNBOUNDED), np.int64(_UNBOUNDED)
-    first_bin, last_bin = 0, _BINS
-    side, node, halves = -1, 0, 0
+    phase, node, side, bin = _SIDE, np.int64(0), np.int64(0), setting.first_bin
+    halves_left = np.int64(_MAX_HALVES) if is_exact else np.int64(0)
     while True:
-        middle = first_bin + 1 if first_bin > 0 else last_bin - 1
-        if last_bin - first_bin == _BINS:
-            middle = setting.first_bin
-        if side < 0:
-            threshold = _threshold(setting, center, scale, 1, 0)
-        elif last_bin - first_bin > 1:
-            threshold = _threshold(setting, center, scale, side, middle)
-            node = side * _BINS + middle
-        else:
-            threshold = (low + high) >> 1
-            node = _HALF_NODE
-
         # Decide, where that is not certain.
         if low < threshold < high:
-            distance = (threshold << SUBSTEP_BITS) - (1 << (SUBSTEP_BITS - 1)) - center
-            distance = _clip(distance >> digits, _MAX_DISTANCE)
+            fine = threshold << SUBSTEP_BITS
+            distance = _clip((fine - middle) >> digits, _MAX_DISTANCE)
             mass = _mass_below(((distance * inverse) >> 18) + _REACH * 1024)
-            decisions.inputs[0] = log_ratio(mass_high - mass, mass - mass_low)
-            _set_slots(decisions, base, setting, node, low, high)
-            weight_set = class_of_scale * _NODES + node
             if guided:
-                distance = (threshold << SUBSTEP_BITS) - (1 << (SUBSTEP_BITS - 1)) - guide_center
-                distance = _clip(distance >> guide_digits, _MAX_DISTANCE)
+                distance = _clip((fine - guide_middle) >> guide_digits, _MAX_DISTANCE)
                 z = (distance * guide_inverse) >> 18
                 guide_mass = _mass_below(z + _REACH * 1024)
-                ratio = log_ratio(guide_high - guide_mass, guide_mass - guide_low)
-                decisions.inputs[GUIDE_INPUT] = ratio
+                guide_ratio = log_ratio(guide_high - guide_mass, guide_mass - guide_low)
                 relative = _clip((z * 3) >> 11, _GUIDE_REACH) + _GUIDE_REACH
-                slot = (relative * GUIDE_CLASSES + guide_class) * 64 + node
-                decisions.slots[CONTEXTS] = slot & (TABLE_SIZE - 1)
-                weight_set += 3 * _NODES * guide_class
-            bit = code_decision(coder, decisions, weight_set, 1 if step >= threshold else 0, guided)
+                guide_slot = (relative * GUIDE_CLASSES + guide_class) * 64 + node
+                guide_slot &= TABLE_SIZE - 1
+            bit = code_decision(
+                coder,
+                decisions,
+                first_set + node,
+                1 if step >= threshold else 0,
+                setting.contexts > FEW,
+                guided,
+                log_ratio(mass_high - mass, mass - mass_low),
+                _slots(base, setting, node, low, high),
+                guide_ratio,
+                guide_slot,
+            )
             if bit:
                 low, mass_low, guide_low = threshold, mass, guide_mass
             else:
                 high, mass_high, guide_high = threshold, mass, guide_mass
         else:
-            bit = 1 if threshold <= low else 0
+            bit = np.int64(1) if threshold <= low else np.int64(0)
 
-        # The next decision.
-        if side < 0:
-            side = bit
-        elif last_bin - first_bin > 1:
+        # The next bin, or whether the last one is found.
+        if phase == _SIDE:
+            phase, side = _FIRST_BIN, bit
+            origin += np.int64(0) if is_exact or side else np.int64(1)
+        elif phase != _HALVES:
             if bit == side:
-                first_bin = middle
+                if bin == LAST_BIN:
+                    excess = code_excess(coder, decisions, step - low if side else high - 1 - step)
+                    return (low + excess if side else high - 1 - excess), True
+                is_found = phase == _INWARDS
+                phase, bin = _OUTWARDS, bin + 1
             else:
-                last_bin = middle
-        else:
-            halves += 1
-        if side >= 0 and last_bin - first_bin == 1:
-            is_outside = first_bin == _BINS - 1
-            if is_outside or setting.order == NEAR or high - low <= 1 or halves == _MAX_HALVES:
-                break
+                is_found = phase == _OUTWARDS or bin == 1
+                phase, bin = _INWARDS, bin - 1
+            phase = _HALVES if is_found else phase
 
-    # What no decision tells.
-    if first_bin == _BINS - 1:
-        excess = code_excess(coder, decisions, step - low if side else high - 1 - step)
-        return (low + excess if side else high - 1 - excess), True
-    return _code_rest(coder, step, low, high), False
+        # The next threshold.
+        if phase == _HALVES:
+            if halves_left == 0 or high - low <= 1:
+                return _code_rest(coder, step, low, high), False
+            halves_left -= 1
+            threshold = (low + high) >> 1
+            node = np.int64(_HALF_NODE)
+        else:
+            bound = (unit * bounds[np.uint32(bin)]) >> 4
+            threshold = (origin + (bound if side else -bound)) >> shift
+            node = side * _BINS + bin
 
 
 @inner_uncounted
-def _move_scale(scales: NDArray[np.int64], k: int, error: int, shift: int) -> None:
-    """Move a mean error towards an error, by at least one sixteenth."""
-    difference = error - scales[k]
+def _moved(scale: int, error: int, shift: int) -> int:
+    """Return a mean error that moves towards an error, by at least one sixteenth."""
+    difference = error - scale
     move = difference >> shift
     if abs(difference) <= 1 << shift:
         move = np.int64(1) if difference > 0 else np.int64(-1)
-    scales[k] = min(max(scales[k] + move, _MIN_SCALE), _MAX_SCALE)
+    return min(max(scale + move, _MIN_SCALE), _MAX_SCALE)
 
 
 @inner_uncounted
-def _time_ratio(times: NDArray[np.int64], i: int, last: int) -> int:
+def _time_ratio(elapsed: int, last: int) -> int:
     """Time since the last row by the one before, in units of 1/256, from 1/8 to 8."""
-    elapsed = times[i] - times[i - 1]
-    if last <= 0 or elapsed <= 0:
+    if last <= 0 or elapsed <= 0 or elapsed == last:
         return np.int64(256)
     elapsed = min(elapsed, np.int64(1) << 40)
-    return min(max((elapsed << 8) // last, 32), 2048)
+    return min(max(np.int64(np.uint64(elapsed << 8) // np.uint64(last)), 32), 2048)
+
+
+@inner_uncounted
+def _size(error: int, scale: int) -> int:
+    """Class of an error: half octaves of its quotient by the mean error, up to 9."""
+    quarters = 4 * min(error, _MAX_PREDICTION)
+    if quarters >= _LARGEST * scale:
+        return np.int64(_LAST_SIZE)
+    return _SIZES[np.uint64(quarters) // np.uint64(scale)]
 
 
 @jit_uncounted
@@ -393,83 +394,110 @@ def code_column(
     decisions: Decisions,
     predictor: Predictor,
     setting: Setting,
+    bounds: NDArray[np.int64],
     values: NDArray[np.int64],
     times: NDArray[np.int64],
-    sides: NDArray[np.int64],
-    side_shifts: NDArray[np.int64],
-    side_sizes: NDArray[np.uint8],
+    side_classes: NDArray[np.uint8],
     sizes: NDArray[np.uint8],
-    scratch: NDArray[np.int64],
     guide: Guide,
     guide_state: GuideState,
+    state: NDArray[np.int64],
+    first: int,
+    end: int,
 ) -> bool:
-    """Code all numbers of a column but the first; return whether a decoder had enough bytes.
+    """Code some numbers of a column; return whether a decoder had enough bytes.
 
     Parameters
     ----------
+    bounds : int64 array, shape (16,)
+        Bounds of bins, from :func:`bounds_of_bins`.
     values : int64 array, shape (n,)
         The column, between -2**57 and 2**57; a decoder fills in all but the first.
     times : int64 array, shape (n,) or (0,)
         The column of times, if there is one.
-    sides : int64 array, shape (k, n)
-        Other columns, which both sides know.
-    side_shifts : int64 array, shape (k,)
-        Shifts of these columns.
-    side_sizes, sizes : uint8 array, shape (k, n) and (n,)
-        Classes of the errors of the other columns, and of this one, which is filled in.
-    scratch : int64 array, shape (10,)
-        Workspace.
+    side_classes, sizes : uint8 array, shape (n,)
+        Class of the errors of the other columns, 0 to 2, and of this one, which is filled in.
     guide, guide_state : Guide and GuideState
         What a walk says of the column, empty if nothing.
+    state : int64 array, shape (5,)
+        Fast and slow mean error, classes of the last two errors, and the last elapsed time: first
+        the setting's scale twice, and zeros.
+    first, end : int
+        First row, at least 1, and that after the last. Rows before have been coded.
     """
-    base, scales, signed_sizes = scratch[:CONTEXTS], scratch[6:8], scratch[8:10]
-    scales[:] = setting.scale
-    last_elapsed = np.int64(0)
-    for i in range(1, len(values)):
+    is_exact, has_times = setting.order == EXACT, len(times) > 0
+    shift, has_side = setting.shift, len(predictor.side_steps) > 0
+    has_third = setting.contexts > FEW
+    fast, slow, last_size, size_before, last_elapsed = (
+        state[0],
+        state[1],
+        state[2],
+        state[3],
+        state[4],
+    )
+    elapsed, ratio, time_class = np.int64(0), np.int64(256), np.int64(0)
+    value = values[np.uint64(first - 1)]
+    for i in range(first, end):
         # What is known before the number.
-        ratio = _time_ratio(times, i, last_elapsed) if len(times) > 0 else np.int64(256)
-        time_class = _half_octaves(ratio) if len(times) > 0 else 0
-        guided = look_up(guide, guide_state, values, i) > 0
-        set_inputs(predictor, sides, i, setting.shift, side_shifts, guide_state.steps)
-        center = predict(predictor, ratio, setting.shift, guide_state.steps, guided)
+        row = np.uint64(i)
+        if has_times:
+            elapsed = times[row] - times[row - np.uint64(1)]
+            ratio = _time_ratio(elapsed, last_elapsed)
+            time_class = _half_octaves(ratio)
+        guide_class, guide_step, guide_scale = look_up(guide, guide_state, values, i)
+        guided = guide_class > 0
+        center = predict(predictor, i, ratio, shift, guide_state.steps, guided)
         center = _clip(center, _MAX_PREDICTION)
-        side_size, side_step = 0, np.int64(0)
-        for k in range(len(sides)):
-            side_size = max(side_size, np.int64(side_sizes[k, i]))
-        if len(sides) > 0:
-            side_step = sides[0, i] - sides[0, i - 1]
 
         # The number.
-        _set_contexts(
-            base, setting, predictor, center, scales, signed_sizes, side_size, side_step, time_class
-        )
-        step = values[i] - values[i - 1]
+        scale = (fast + 2 * slow) // 3
+        if is_exact:
+            last = predictor.steps[row + np.uint64(6)]
+            before = predictor.steps[row + np.uint64(5)]
+            side_step = predictor.side_steps[0, row + np.uint64(3)] if has_side else np.int64(0)
+            base = _exact_contexts(last, before, side_step, time_class)
+        else:
+            side_class = np.int64(side_classes[row])
+            base = _near_contexts(
+                center, scale, last_size, size_before, side_class, time_class, has_third
+            )
+        scale = max(scale, 3)
         step, is_outlier = _code_step(
-            coder, decisions, base, setting, center, scales, step, guide_state.place
+            coder,
+            decisions,
+            base,
+            setting,
+            bounds,
+            center,
+            scale,
+            values[row] - value,
+            guide_class,
+            guide_step,
+            guide_scale,
         )
-        values[i] = values[i - 1] + step
+        value += step
+        values[row] = value
         if is_exhausted(coder):
             return False
 
         # Learn its error.
         fine_step = step << SUBSTEP_BITS
         if guided:
-            learn_guide(guide_state, fine_step)
-        error = fine_step - center
-        scale = max((scales[0] + 2 * scales[1]) // 3, 3)
-        size = min(_half_octaves(min(abs(error), _MAX_PREDICTION) * 4 // scale + 1), 9)
-        sizes[i] = size
-        signed_sizes[1] = signed_sizes[0]
-        signed_sizes[0] = size if error >= 0 else -size
+            learn_guide(guide_state, guide_class, fine_step - guide_step, guide_scale)
+        signed_error = fine_step - center
+        error = abs(signed_error)
+        size = _size(error, scale)
+        sizes[row] = size
+        last_size, size_before = size if signed_error >= 0 else -size, last_size
         if is_outlier:
-            limited = min(abs(error), _OUTLIER * scale)
-            _move_scale(scales, 0, limited, _FAST_OUTLIER_SHIFT)
-            _move_scale(scales, 1, limited, _SLOW_OUTLIER_SHIFT)
-            forget(predictor)
+            error = min(error, _OUTLIER * scale)
+            fast = _moved(fast, error, _FAST_OUTLIER_SHIFT)
+            slow = _moved(slow, error, _SLOW_OUTLIER_SHIFT)
+            forget(predictor, i)
             continue
-        _move_scale(scales, 0, abs(error), _FAST_SHIFT)
-        _move_scale(scales, 1, abs(error), _SLOW_SHIFT)
-        learn(predictor, fine_step, scale, setting.shift, guided)
-        if len(times) > 0:
-            last_elapsed = max(times[i] - times[i - 1], 1)
+        fast, slow = _moved(fast, error, _FAST_SHIFT), _moved(slow, error, _SLOW_SHIFT)
+        learn(predictor, i, fine_step, scale, shift, guided)
+        last_elapsed = max(elapsed, 1)
+    state[0], state[1], state[4] = fast, slow, last_elapsed
+    state[2], state[3] = last_size, size_before
     return True

@@ -18,8 +18,6 @@ from gpszip.kernels.jit import inner_uncounted
 
 __all__ = [
     "CONTEXTS",
-    "GUIDE_INPUT",
-    "INPUTS",
     "PROBABILITY_BITS",
     "TABLE_SIZE",
     "Decisions",
@@ -29,15 +27,15 @@ __all__ = [
     "new_decisions",
 ]
 
-#: Contexts of a decision, each with a table of so many cells.
+#: Contexts of a decision at most, each with a table of so many cells.
 CONTEXTS = 3
 TABLE_SIZE = 1 << 14
 
-#: Inputs of the mixture: one from a distribution, one of each context, then where a column has a
-#: guide one from the guide's distribution and one of its context.
-INPUTS = 3 + CONTEXTS
-_PLAIN_INPUTS = 1 + CONTEXTS
-GUIDE_INPUT = 1 + CONTEXTS
+#: A set has a weight for each input: one from a distribution, one of each context, then where a
+#: column has a guide one from the guide's distribution and one of its context. The number of its
+#: decisions follows; eight numbers are a cache line.
+_USES = 6
+_SET_SIZE = 8
 
 #: Probabilities that are coded have so many bits, those in cells and their counts so many.
 PROBABILITY_BITS = 16
@@ -47,6 +45,9 @@ _COUNT_MASK = 255
 
 #: A cell averages over about this many decisions at last.
 _MAX_COUNT = 250
+
+#: A cell that has seen nothing: a half, whose logit is rounded to 0.
+_NEW_CELL = 1 << (_CELL_BITS - 1 + _COUNT_BITS)
 
 #: A probability in a cell stays this far from 0 and 1, of 2**20.
 _MIN_CELL = 64
@@ -58,7 +59,7 @@ _REACH = 12 * _UNIT
 #: ``squash`` for -12 to 12, and ``logit`` of the middles of 4,096 bins of probabilities. No
 #: entry lies near a half before it is rounded, so that they are the same on every machine.
 _SQUASH = np.round((1 << PROBABILITY_BITS) / (1 + np.exp(-np.arange(-_REACH, _REACH + 1) / _UNIT)))
-_SQUASH = np.clip(_SQUASH, 1, (1 << PROBABILITY_BITS) - 1).astype(np.int32)
+_SQUASH = np.clip(_SQUASH, 1, (1 << PROBABILITY_BITS) - 1).astype(np.uint16)
 _BINS = (np.arange(4096) + 0.5) / 4096
 _LOGIT = np.round(_UNIT * np.log(_BINS / (1 - _BINS))).astype(np.int16)
 _LOGIT_SHIFT = _CELL_BITS - 12 + _COUNT_BITS
@@ -67,11 +68,11 @@ _LOGIT_SHIFT = _CELL_BITS - 12 + _COUNT_BITS
 _LOG = np.round(_UNIT * np.log(np.arange(1, (1 << PROBABILITY_BITS) + 2))).astype(np.int16)
 
 #: Rate of a cell after n decisions, 1 / (n + 1.6), in units of 2**-16.
-_CELL_RATE = np.round(65536 / (np.arange(_COUNT_MASK + 1) + 1.6)).astype(np.int64)
+_CELL_RATE = np.round(65536 / (np.arange(_COUNT_MASK + 1) + 1.6)).astype(np.uint16)
 
 #: Rate of weights after n decisions, in units of 2**-20; measured on logs of many kinds.
 _WEIGHT_USES = 1 << 12
-_WEIGHT_RATE = np.round(4 + 26 * 100 / (100 + np.arange(_WEIGHT_USES))).astype(np.int64)
+_WEIGHT_RATE = np.round(4 + 26 * 100 / (100 + np.arange(_WEIGHT_USES))).astype(np.uint8)
 _WEIGHT_SHIFT = 20
 _WEIGHT_HALF = 1 << 19
 
@@ -86,43 +87,33 @@ _CHUNK_BITS = 32
 
 
 class Decisions(NamedTuple):
-    """What has been learned of decisions, and workspace for one.
+    """What has been learned of decisions.
 
     Parameters
     ----------
-    cells : int32 array, shape (CONTEXTS + 1, TABLE_SIZE)
-        Probability of a one (20 bits) and number of decisions so far (8 bits).
-    weights : int64 array, shape (sets, INPUTS)
-        Weights of the mixture.
-    uses : int64 array, shape (sets,)
-        Decisions that each set of weights has made.
-    inputs : int64 array, shape (INPUTS,)
-        Predictions of one decision; the caller enters those from distributions.
-    slots : uint32 array, shape (CONTEXTS + 1,)
-        Cell of each context, which the caller enters.
+    cells : int32 array, shape ((CONTEXTS + 1) * TABLE_SIZE,)
+        Probability of a one (20 bits) and number of decisions so far (8 bits), of one context after
+        the other.
+    weights : int64 array, shape (8 * sets,)
+        For each set six weights of the mixture, and how many decisions it has made.
     exponents : int32 array, shape (62,)
         Cells of the exponents of excesses.
     """
 
     cells: NDArray[np.int32]
     weights: NDArray[np.int64]
-    uses: NDArray[np.int64]
-    inputs: NDArray[np.int64]
-    slots: NDArray[np.uint32]
     exponents: NDArray[np.int32]
 
 
 def new_decisions(sets: int) -> Decisions:
     """Return decisions of which nothing is known, with so many sets of weights."""
-    weights = np.full((sets, INPUTS), _FIRST_WEIGHT, np.int64)
+    weights = np.full((sets, _SET_SIZE), _FIRST_WEIGHT, np.int64)
     weights[:, 0] = _FIRST_RATIO_WEIGHT
+    weights[:, _USES] = 0
     return Decisions(
-        np.zeros((CONTEXTS + 1, TABLE_SIZE), np.int32),
-        weights,
-        np.zeros(sets, np.int64),
-        np.zeros(INPUTS, np.int64),
-        np.zeros(CONTEXTS + 1, np.uint32),
-        np.full(_EXPONENTS, 1 << (_CELL_BITS - 1 + _COUNT_BITS), np.int32),
+        np.full((CONTEXTS + 1) * TABLE_SIZE, _NEW_CELL, np.int32),
+        weights.ravel(),
+        np.full(_EXPONENTS, _NEW_CELL, np.int32),
     )
 
 
@@ -133,24 +124,36 @@ def log_ratio(above: int, below: int) -> int:
 
 
 @inner_uncounted
-def _moved(cell: int, bit: int) -> int:
-    """Return a cell that has learned a bit: p + (bit - p) / (n + 1.6), and n + 1."""
+def _moved(cell: int, probability: int, bit: int) -> int:
+    """Return a cell that has learned a bit: p + (bit - p) / (n + 1.6), and n + 1.
+
+    One that has seen nothing begins with the probability of the mixture.
+    """
     count = cell & _COUNT_MASK
-    p = cell >> _COUNT_BITS
-    p += (((bit << _CELL_BITS) - p) * _CELL_RATE[np.uint32(count)]) >> 16
+    p = cell >> _COUNT_BITS if count > 0 else probability << (_CELL_BITS - PROBABILITY_BITS)
+    p += (((bit << _CELL_BITS) - p) * np.int64(_CELL_RATE[np.uint32(count)])) >> 16
     p = min(max(p, _MIN_CELL), (1 << _CELL_BITS) - _MIN_CELL)
     return (p << _COUNT_BITS) | min(count + 1, _MAX_COUNT)
 
 
 @inner_uncounted
 def _input_of(cell: int) -> int:
-    """What a cell predicts: nothing, where it has seen nothing."""
-    return np.int64(_LOGIT[np.uint32(cell >> _LOGIT_SHIFT)]) if cell & _COUNT_MASK else np.int64(0)
+    """What a cell predicts; 0 where it has seen nothing, since it begins with a half."""
+    return np.int64(_LOGIT[np.uint32(cell >> _LOGIT_SHIFT)])
 
 
 @inner_uncounted
 def code_decision(
-    coder: Coder, decisions: Decisions, weight_set: int, bit: int, guided: bool
+    coder: Coder,
+    decisions: Decisions,
+    weight_set: int,
+    bit: int,
+    has_third: bool,
+    guided: bool,
+    ratio: int,
+    slots: tuple[int, int, int],
+    guide_ratio: int,
+    guide_slot: int,
 ) -> int:
     """Code a decision, and learn it.
 
@@ -162,47 +165,70 @@ def code_decision(
     coder : Coder
         Encodes or decodes.
     decisions : Decisions
-        Slots and the first input are entered.
+        What has been learned.
     weight_set : int
         Row of the weights.
     bit : int
         The bit to encode; ignored by a decoder.
-    guided : bool
-        Whether the inputs and the slot of a guide are entered, too.
+    has_third, guided : bool
+        Whether there is a third context, and whether there are inputs of a guide. Without a third
+        one, the guide's context stands in place of the second.
+    ratio, slots : int and tuple of int
+        Input from the distribution, and the cell of each context.
+    guide_ratio, guide_slot : int
+        The same from a guide.
     """
-    cells, weights, uses = decisions.cells, decisions.weights, decisions.uses
-    inputs, slots = decisions.inputs, decisions.slots
-    row = np.uint32(weight_set)
+    cells, weights = decisions.cells, decisions.weights
+    first = np.uint32(weight_set) * np.uint32(_SET_SIZE)
+    second, third, use_at = first + np.uint32(1), first + np.uint32(2), first + np.uint32(_USES)
+    fourth, fifth, sixth = first + np.uint32(3), first + np.uint32(4), first + np.uint32(5)
+    slot_d = np.uint32(guide_slot + 3 * TABLE_SIZE)
+    slot, slot_c = np.uint32(slots[0]), np.uint32(slots[2] + 2 * TABLE_SIZE)
+    slot_b = np.uint32(slots[1] + TABLE_SIZE)
+    if guided and not has_third:
+        slot_b = slot_d
 
-    # Predictions of the contexts, and their mixture.
-    dot = weights[row, 0] * inputs[0]
-    for k in range(CONTEXTS):
-        cell = np.int64(cells[k, slots[k]])
-        x = _input_of(cell)
-        inputs[1 + k] = x
-        dot += weights[row, 1 + k] * x
+    # Predictions of the contexts, and their mixture. Scalars: arrays would go through memory.
+    a, b = np.int64(cells[slot]), np.int64(cells[slot_b])
+    x, y = _input_of(a), _input_of(b)
+    dot = weights[first] * ratio + weights[second] * x + weights[third] * y
+    c, z = np.int64(0), np.int64(0)
+    if has_third:
+        c = np.int64(cells[slot_c])
+        z = _input_of(c)
+        dot += weights[fourth] * z
+    d, v = np.int64(0), np.int64(0)
     if guided:
-        cell = np.int64(cells[CONTEXTS, slots[CONTEXTS]])
-        x = _input_of(cell)
-        inputs[GUIDE_INPUT + 1] = x
-        dot += weights[row, GUIDE_INPUT] * inputs[GUIDE_INPUT] + weights[row, GUIDE_INPUT + 1] * x
+        dot += weights[fifth] * guide_ratio
+        if has_third:
+            d = np.int64(cells[slot_d])
+            v = _input_of(d)
+            dot += weights[sixth] * v
     dot = min(max(dot >> _WEIGHT_BITS, -_REACH), _REACH)
     probability = np.int64(_SQUASH[np.uint32(dot + _REACH)])
     bit = code_binary(coder, probability, bit, PROBABILITY_BITS)
 
     # Learn the weights.
-    use = uses[row]
-    error = ((np.int64(bit) << PROBABILITY_BITS) - probability) * _WEIGHT_RATE[np.uint32(use)]
-    for k in range(INPUTS if guided else _PLAIN_INPUTS):
-        weights[row, k] += (inputs[k] * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
-    uses[row] = min(use + 1, _WEIGHT_USES - 1)
+    use = weights[use_at]
+    error = ((np.int64(bit) << PROBABILITY_BITS) - probability) * np.int64(
+        _WEIGHT_RATE[np.uint32(use)]
+    )
+    weights[first] += (ratio * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
+    weights[second] += (x * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
+    weights[third] += (y * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
+    weights[use_at] = min(use + 1, _WEIGHT_USES - 1)
 
     # Learn the cells.
-    for k in range(CONTEXTS + 1 if guided else CONTEXTS):
-        cell = np.int64(cells[k, slots[k]])
-        if cell & _COUNT_MASK == 0:
-            cell = probability << (_CELL_BITS - PROBABILITY_BITS + _COUNT_BITS)
-        cells[k, slots[k]] = _moved(cell, bit)
+    cells[slot] = _moved(a, probability, bit)
+    cells[slot_b] = _moved(b, probability, bit)
+    if guided:
+        weights[fifth] += (guide_ratio * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
+    if has_third:
+        weights[fourth] += (z * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
+        cells[slot_c] = _moved(c, probability, bit)
+        if guided:
+            weights[sixth] += (v * error + _WEIGHT_HALF) >> _WEIGHT_SHIFT
+            cells[slot_d] = _moved(d, probability, bit)
     return bit
 
 
@@ -228,7 +254,7 @@ def code_excess(coder: Coder, decisions: Decisions, value: int) -> int:
         probability = max(cell >> (_COUNT_BITS + _CELL_BITS - PROBABILITY_BITS), 1)
         bit = 1 if (value + 1) >> (exponent + 1) else 0
         more = code_binary(coder, probability, bit, PROBABILITY_BITS)
-        exponents[exponent] = _moved(cell, more)
+        exponents[exponent] = _moved(cell, probability, more)
         if more == 0:
             break
         exponent += 1

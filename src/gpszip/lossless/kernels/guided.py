@@ -14,16 +14,7 @@ from gpszip.kernels.jit import inner_uncounted
 from gpszip.lossless.kernels.predictions import GUIDE_STEPS, SUBSTEP_BITS
 from gpszip.lossless.setting import Guide
 
-__all__ = [
-    "CLASS",
-    "GUIDE_CLASSES",
-    "SCALE",
-    "STEP",
-    "GuideState",
-    "learn_guide",
-    "look_up",
-    "new_guide_state",
-]
+__all__ = ["GUIDE_CLASSES", "GuideState", "learn_guide", "look_up", "new_guide_state"]
 
 #: Classes of what a guide says; 0 for nothing.
 GUIDE_CLASSES = 8
@@ -41,11 +32,9 @@ _MAX_ERROR = 1 << 46
 #: What a guide says is at most this far from the last number.
 _MAX_STEP = 1 << 60
 
-#: Index of each number in ``GuideState.place``: run, next and last knot of the run; class, step and
-#: mean error of what the guide says.
+#: Index of each number in ``GuideState.place``: run, next and last knot of the run.
 _RUN, _EVENT, _AFTER = 0, 1, 2
-CLASS, STEP, SCALE = 3, 4, 5
-_PLACE_SIZE = 6
+_PLACE_SIZE = 3
 
 
 class GuideState(NamedTuple):
@@ -53,8 +42,8 @@ class GuideState(NamedTuple):
 
     Parameters
     ----------
-    place : int64 array, shape (6,)
-        Run, next knot and end of the run; class, step and mean error of what the guide says.
+    place : int64 array, shape (3,)
+        Run, next knot and end of the run.
     steps : int64 array, shape (3,) or (0,)
         Steps to what the guide says: itself, the guide's own step, and its next one. Empty for a
         column without a guide.
@@ -72,7 +61,6 @@ def new_guide_state(guide: Guide, scale: int) -> GuideState:
     """Return the state before the first number; mean errors begin with ``scale``."""
     place = np.zeros(_PLACE_SIZE, np.int64)
     place[_RUN] = -1
-    place[SCALE] = _MIN_SCALE
     return GuideState(
         place,
         np.zeros(GUIDE_STEPS if len(guide.values) else 0, np.int64),
@@ -98,45 +86,45 @@ def _next_knot(guide: Guide, state: GuideState, i: int, last: int) -> None:
 
 
 @inner_uncounted
-def look_up(guide: Guide, state: GuideState, values: NDArray[np.int64], i: int) -> int:
-    """Enter what the guide says of row i; return its class, 0 if it says nothing.
+def look_up(
+    guide: Guide, state: GuideState, values: NDArray[np.int64], i: int
+) -> tuple[int, int, int]:
+    """Enter the steps to what the guide says of row i; return its class, first step and mean error.
 
-    Guides with runs list what is still to come; others have a number for each row.
+    Guides with runs list what is still to come; others have a number for each row. The class is 0
+    where the guide says nothing.
     """
     if len(guide.values) == 0:
-        return np.int64(0)
-    place, steps = state.place, state.steps
-    last = values[i - 1] << SUBSTEP_BITS
+        return np.int64(0), np.int64(0), np.int64(_MIN_SCALE)
+    steps = state.steps
+    last = values[np.uint64(i - 1)] << SUBSTEP_BITS
 
     # The guide's number, the one before and the one after.
     if len(guide.run_rows) > 0:
         _next_knot(guide, state, i, last)
-        k, end = place[_EVENT], place[_AFTER]
+        k, end = state.place[_EVENT], state.place[_AFTER]
         before = k
     else:
         k, end = np.int64(i), np.int64(len(values))
         before = k - 1
-    kind = np.int64(guide.classes[k]) if k < end else np.int64(0)
-    place[CLASS] = kind
+    kind = np.int64(guide.classes[np.uint64(k)]) if k < end else np.int64(0)
     if kind == 0:
         steps[:] = 0
-        return kind
+        return kind, np.int64(0), np.int64(_MIN_SCALE)
 
     # Steps to it. Of knots to come, the first two are the same.
-    number = guide.values[k]
-    place[STEP] = min(max(number - last, -_MAX_STEP), _MAX_STEP)
-    steps[0] = place[STEP]
-    steps[1] = number - guide.values[before] if before < k else place[STEP]
-    steps[2] = guide.values[k + 1] - number if k + 1 < end else 0
-    place[SCALE] = max(state.errors[kind] >> _ERROR_BITS, _MIN_SCALE)
-    return kind
+    number = guide.values[np.uint64(k)]
+    step = min(max(number - last, -_MAX_STEP), _MAX_STEP)
+    steps[0] = step
+    steps[1] = number - guide.values[np.uint64(before)] if before < k else step
+    steps[2] = guide.values[np.uint64(k + 1)] - number if k + 1 < end else 0
+    return kind, step, max(state.errors[np.uint64(kind)] >> _ERROR_BITS, _MIN_SCALE)
 
 
 @inner_uncounted
-def learn_guide(state: GuideState, step: int) -> None:
-    """Learn the error of what the guide said, where the step in sixteenths came."""
-    place, errors, uses = state.place, state.errors, state.uses
-    kind = place[CLASS]
-    error = min(abs(step - place[STEP]), _OUTLIER * place[SCALE])
-    uses[kind] = min(uses[kind] + 1, _MAX_USES)
-    errors[kind] += ((min(error, _MAX_ERROR) << _ERROR_BITS) - errors[kind]) // uses[kind]
+def learn_guide(state: GuideState, kind: int, error: int, scale: int) -> None:
+    """Learn the error of what the guide said, in sixteenths, where the mean was ``scale``."""
+    errors, uses, k = state.errors, state.uses, np.uint64(kind)
+    error = min(abs(error), _OUTLIER * scale, _MAX_ERROR)
+    uses[k] = min(uses[k] + 1, _MAX_USES)
+    errors[k] += ((error << _ERROR_BITS) - errors[k]) // uses[k]

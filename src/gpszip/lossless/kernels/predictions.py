@@ -21,7 +21,7 @@ __all__ = [
     "learn",
     "new_predictor",
     "predict",
-    "set_inputs",
+    "steps_of_sides",
 ]
 
 #: Binary digits after the point of a step.
@@ -33,15 +33,23 @@ _SIDE_LAGS = 4
 
 #: Candidates: standing still, the last step, the same for the time that passed, a linear filter,
 #: level and slope, and the last step with its change.
-_CANDIDATES = 6
+_PLAIN_CANDIDATES = 6
 
 #: A guided column has two more: where the walk is, and the walk's own step.
-_GUIDED_CANDIDATES = _CANDIDATES + 2
+_GUIDED_CANDIDATES = _PLAIN_CANDIDATES + 2
 
 #: Inputs of the filter from a guide: where the walk is, its own step, and its next one.
 GUIDE_STEPS = 3
 _FILTER = 3
 _LEVEL = 4
+
+#: Where each kind of numbers begins in ``Predictor.lanes``. Inputs are at most 8 of the column, 4
+#: of each of two others and 3 of a guide; loops of a fixed length become vector instructions.
+_MAX_INPUTS = 24
+_SHIFTS = _MAX_INPUTS
+_ENERGIES = 2 * _MAX_INPUTS
+_WEIGHTS = 3 * _MAX_INPUTS
+_LANES = 4 * _MAX_INPUTS
 
 #: Steps that filters take are at most 2**26, after the column's shift; all others at most 2**56.
 _MAX_INPUT = 1 << 26
@@ -60,6 +68,12 @@ _WEIGHT_BITS = 16
 _MAX_WEIGHT = 1 << 24
 _ENERGY_SHIFT = 5
 
+#: Binary digits of an input's mean square are at least 3. A float64 has its exponent above 52
+#: digits: that of a number with one digit is 1023.
+_MIN_DIGITS = 3
+_MANTISSA_BITS = 52
+_EXPONENT_BIAS = 1022
+
 #: The filter moves by 2**-6 of the error.
 _FILTER_SHIFT = 6
 
@@ -77,17 +91,15 @@ class Predictor(NamedTuple):
 
     Parameters
     ----------
-    steps : int64 array, shape (8,)
-        Last steps of the column, the latest first.
-    side_steps : int64 array, shape (sides, 4)
-        Last steps of the other columns.
-    inputs : int64 array, shape (m,)
-        Inputs of the filters.
-    energies, digits : int64 array, shape (m,)
-        Mean square of each input, in sixteenths, and its number of binary digits.
-    weights : int64 array, shape (m,)
-        Weights of the filter.
-    candidates, errors : int64 array, shape (6,) or (8,)
+    steps : int64 array, shape (n + 8,)
+        Steps of the column: that to row i at ``i + 7``. Rows before the first have zeros, and so
+        has what was forgotten.
+    side_steps : int64 array, shape (sides, n + 3)
+        The same of the other columns, all of which are known: that to row i at ``i + 3``.
+    lanes : int64 array, shape (96,)
+        Inputs of the filter, by what power of two each is divided, their mean squares in
+        sixteenths, and their weights, 24 each: zeros where there are fewer inputs.
+    candidates, errors : int64 array, shape (8,)
         Predictions, and their mean absolute errors in quarters.
     line : int64 array, shape (2,)
         Level (relative to the last value) and slope.
@@ -95,28 +107,44 @@ class Predictor(NamedTuple):
 
     steps: NDArray[np.int64]
     side_steps: NDArray[np.int64]
-    inputs: NDArray[np.int64]
-    energies: NDArray[np.int64]
-    digits: NDArray[np.int64]
-    weights: NDArray[np.int64]
+    lanes: NDArray[np.int64]
     candidates: NDArray[np.int64]
     errors: NDArray[np.int64]
     line: NDArray[np.int64]
 
 
-def new_predictor(sides: int, *, guided: bool) -> Predictor:
-    """Return a predictor that knows nothing, for a column beside so many others, and a guide."""
-    inputs = _LAGS + _SIDE_LAGS * sides + (GUIDE_STEPS if guided else 0)
-    candidates = _GUIDED_CANDIDATES if guided else _CANDIDATES
+def steps_of_sides(sides: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the steps of other columns, after those of four rows before the first."""
+    steps = np.clip(np.diff(sides) << SUBSTEP_BITS, -_MAX_STEP, _MAX_STEP)
+    return np.pad(steps, ((0, 0), (_SIDE_LAGS, 0)))
+
+
+def new_predictor(
+    rows: int, shift: int, side_steps: NDArray[np.int64], side_shifts: NDArray[np.int64]
+) -> Predictor:
+    """Return a predictor that knows nothing.
+
+    Parameters
+    ----------
+    rows, shift : int
+        Length of the column, and by what power of two its steps are divided.
+    side_steps : int64 array, shape (sides, rows + 3)
+        Steps of other columns, from :func:`steps_of_sides`.
+    side_shifts : int64 array, shape (sides,)
+        Their shifts.
+    """
+    # Inputs come from the column, then from the others, then from a guide.
+    lanes = np.zeros(_LANES, np.int64)
+    lanes[_SHIFTS : _SHIFTS + _MAX_INPUTS] = shift
+    for k, side_shift in enumerate(side_shifts.tolist()):
+        first = _SHIFTS + _LAGS + _SIDE_LAGS * k
+        lanes[first : first + _SIDE_LAGS] = side_shift
     return Predictor(
-        np.zeros(_LAGS, np.int64),
-        np.zeros((sides, _SIDE_LAGS), np.int64),
-        np.zeros(inputs, np.int64),
-        np.zeros(inputs, np.int64),
-        np.full(inputs, 3, np.int64),
-        np.zeros(inputs, np.int64),
-        np.zeros(candidates, np.int64),
-        np.full(candidates, _FIRST_ERROR, np.int64),
+        np.zeros(rows + _LAGS, np.int64),
+        side_steps.copy(),
+        lanes,
+        np.zeros(_GUIDED_CANDIDATES, np.int64),
+        np.full(_GUIDED_CANDIDATES, _FIRST_ERROR, np.int64),
         np.zeros(2, np.int64),
     )
 
@@ -128,58 +156,90 @@ def _clip(value: int, limit: int) -> int:
 
 
 @inner_uncounted
-def set_inputs(
-    predictor: Predictor,
-    sides: NDArray[np.int64],
-    i: int,
-    shift: int,
-    side_shifts: NDArray[np.int64],
-    guide_steps: NDArray[np.int64],
-) -> None:
-    """Enter the inputs of the filters for row i.
+def _set_inputs(predictor: Predictor, i: int, guide_steps: NDArray[np.int64]) -> None:
+    """Enter the inputs of the filters for row i, before shifts.
 
     They are differences of order 0 to 3 of the last steps, differences of older ones, the same of
     the other columns, whose step at this row is known, and the steps of a guide, if there is one.
     Differences are less alike than steps, so that the filters learn faster.
     """
-    steps, inputs = predictor.steps, predictor.inputs
+    inputs, steps, side_steps = predictor.lanes, predictor.steps, predictor.side_steps
 
     # The column's own steps.
-    a, b, c, d = steps[0], steps[1], steps[2], steps[3]
-    inputs[0] = _clip(a >> shift, _MAX_INPUT)
-    inputs[1] = _clip((a - b) >> shift, _MAX_INPUT)
-    inputs[2] = _clip((a - 2 * b + c) >> shift, _MAX_INPUT)
-    inputs[3] = _clip((a - 3 * b + 3 * c - d) >> shift, _MAX_INPUT)
-    for j in range(4, _LAGS):
-        inputs[j] = _clip((steps[j - 1] - steps[j]) >> shift, _MAX_INPUT)
+    row = np.uint64(i)
+    a, b = steps[row + np.uint64(6)], steps[row + np.uint64(5)]
+    c, d = steps[row + np.uint64(4)], steps[row + np.uint64(3)]
+    e, f = steps[row + np.uint64(2)], steps[row + np.uint64(1)]
+    g, h = steps[row], steps[row - np.uint64(1)]
+    inputs[0] = a
+    inputs[1] = a - b
+    inputs[2] = a - 2 * b + c
+    inputs[3] = a - 3 * b + 3 * c - d
+    inputs[4], inputs[5], inputs[6], inputs[7] = d - e, e - f, f - g, g - h
 
     # Those of the other columns.
-    for k in range(len(sides)):
-        before = predictor.side_steps[k]
-        first, side_shift = _LAGS + _SIDE_LAGS * k, side_shifts[k]
-        now = _clip((sides[k, i] - sides[k, i - 1]) << SUBSTEP_BITS, _MAX_STEP)
-        inputs[first] = _clip(now >> side_shift, _MAX_INPUT)
-        inputs[first + 1] = _clip((now - before[0]) >> side_shift, _MAX_INPUT)
-        inputs[first + 2] = _clip((now - 2 * before[0] + before[1]) >> side_shift, _MAX_INPUT)
-        inputs[first + 3] = _clip((before[1] - before[2]) >> side_shift, _MAX_INPUT)
-        for j in range(_SIDE_LAGS - 1, 0, -1):
-            before[j] = before[j - 1]
-        before[0] = now
+    first = np.uint64(_LAGS)
+    for k in range(len(side_steps)):
+        a, b = side_steps[k, row + np.uint64(3)], side_steps[k, row + np.uint64(2)]
+        c, d = side_steps[k, row + np.uint64(1)], side_steps[k, row]
+        inputs[first] = a
+        inputs[first + np.uint64(1)] = a - b
+        inputs[first + np.uint64(2)] = a - 2 * b + c
+        inputs[first + np.uint64(3)] = c - d
+        first += np.uint64(_SIDE_LAGS)
 
     # Those of the guide.
-    for k in range(len(guide_steps)):
-        inputs[_LAGS + _SIDE_LAGS * len(sides) + k] = _clip(guide_steps[k] >> shift, _MAX_INPUT)
+    if len(guide_steps) > 0:
+        inputs[first] = guide_steps[0]
+        inputs[first + np.uint64(1)] = guide_steps[1]
+        inputs[first + np.uint64(2)] = guide_steps[2]
+
+
+@inner_uncounted
+def _filtered(lanes: NDArray[np.int64]) -> int:
+    """Shift and clip the inputs; return the sum of weight * input."""
+    total = np.int64(0)
+    for j in range(_MAX_INPUTS):
+        x = _clip(lanes[j] >> lanes[_SHIFTS + j], _MAX_INPUT)
+        lanes[j] = x
+        total += lanes[_WEIGHTS + j] * x
+    return total
+
+
+@inner_uncounted
+def _weighted_mean(candidates: NDArray[np.int64], errors: NDArray[np.int64], count: int) -> int:
+    """Mean of the candidates, by their errors."""
+    # The first candidate that has the least error.
+    best = np.uint64(0)
+    for k in range(np.uint64(1), np.uint64(count)):
+        if errors[k] < errors[best]:
+            best = k
+    middle, smallest = candidates[best], errors[best] + 4
+
+    # The weight of an error beyond 8 times the least is below 2**-12.
+    total, weights = np.int64(0), np.int64(0)
+    for k in range(np.uint64(count)):
+        error = errors[k] + 4
+        if error > 8 * smallest:
+            continue
+        quotient = np.int64(np.uint64(smallest << 10) // np.uint64(error))
+        square = (quotient * quotient) >> 10
+        weight = (square * square) >> 10
+        total += weight * _clip(candidates[k] - middle, _MAX_CORRECTION)
+        weights += weight
+    return middle + total // weights if total != 0 else middle
 
 
 @inner_uncounted
 def predict(
     predictor: Predictor,
+    i: int,
     ratio: int,
     shift: int,
     guide_steps: NDArray[np.int64],
     guided: bool,
 ) -> int:
-    """Return the predicted step, in sixteenths.
+    """Return the predicted step to row i, in sixteenths.
 
     With candidates c, their mean errors e and the smallest one, e0, the weights are
     ((e0 + 4) / (e + 4))**4, and the prediction is the weighted mean of c.
@@ -187,7 +247,7 @@ def predict(
     Parameters
     ----------
     predictor : Predictor
-        With the inputs of this row.
+        What has been learned of the column.
     ratio : int
         Time since the last row by that before it, in units of 1/256.
     shift : int
@@ -197,95 +257,70 @@ def predict(
     guided : bool
         Whether it says anything of this row.
     """
-    steps, inputs, candidates, errors = (
-        predictor.steps,
-        predictor.inputs,
-        predictor.candidates,
-        predictor.errors,
-    )
-
-    # The candidates.
-    last = steps[0]
+    _set_inputs(predictor, i, guide_steps)
+    candidates, line, row = predictor.candidates, predictor.line, np.uint64(i)
+    last, before = predictor.steps[row + np.uint64(6)], predictor.steps[row + np.uint64(5)]
     candidates[0] = 0
     candidates[1] = last
     candidates[2] = (_clip(last, _MAX_STEP >> 8) * ratio) >> 8
-    total = np.int64(0)
-    for j in range(len(inputs)):
-        total += predictor.weights[j] * inputs[j]
-    candidates[_FILTER] = _clip(total >> _WEIGHT_BITS, _MAX_STEP >> shift) << shift
-    candidates[_LEVEL] = _clip(predictor.line[0] + predictor.line[1], _MAX_STEP)
-    candidates[5] = 2 * last - steps[1]
-    count = _GUIDED_CANDIDATES if guided else _CANDIDATES
-    for k in range(_CANDIDATES, count):
-        candidates[k] = guide_steps[k - _CANDIDATES]
-
-    # Their weighted mean.
-    best = 0
-    for k in range(1, count):
-        if errors[k] < errors[best]:
-            best = k
-    total, weights = np.int64(0), np.int64(0)
-    smallest = errors[best] + 4
-    for k in range(count):
-        # The weight of an error this large is below 2**-12.
-        if errors[k] + 4 > 8 * smallest:
-            continue
-        quotient = (smallest << 10) // (errors[k] + 4)
-        square = (quotient * quotient) >> 10
-        weight = (square * square) >> 10
-        total += weight * _clip(candidates[k] - candidates[best], _MAX_CORRECTION)
-        weights += weight
-    return candidates[best] + total // weights
+    filtered = _filtered(predictor.lanes) >> _WEIGHT_BITS
+    candidates[_FILTER] = _clip(filtered, _MAX_STEP >> shift) << shift
+    candidates[_LEVEL] = _clip(line[0] + line[1], _MAX_STEP)
+    candidates[5] = 2 * last - before
+    if guided:
+        candidates[6] = guide_steps[0]
+        candidates[7] = guide_steps[1]
+    count = _GUIDED_CANDIDATES if guided else _PLAIN_CANDIDATES
+    return _weighted_mean(candidates, predictor.errors, count)
 
 
 @inner_uncounted
-def _learn_filter(predictor: Predictor, step: int, scale: int, shift: int) -> None:
+def _learn_filter(lanes: NDArray[np.int64], error: int) -> None:
     """Move the weights of the filter: w += rate * error * x / (mean of x**2) for each input x."""
-    inputs, energies, digits = predictor.inputs, predictor.energies, predictor.digits
-    error = _clip(step - predictor.candidates[_FILTER], _MAX_FILTER_ERROR * scale) >> shift
-    error = _clip(error, _MAX_INPUT)
-    for j in range(len(inputs)):
-        # The mean becomes a power of two, so that nothing is divided.
-        x = inputs[j]
-        energies[j] += (((x * x) << 4) - energies[j]) >> _ENERGY_SHIFT
-        while energies[j] >> (digits[j] + 4) > 0:
-            digits[j] += 1
-        while digits[j] > 3 and energies[j] >> (digits[j] + 3) == 0:
-            digits[j] -= 1
+    for j in range(_MAX_INPUTS):
+        # The mean becomes a power of two, so that nothing is divided: its binary digits are in the
+        # exponent of a float64.
+        x, energy = lanes[j], lanes[_ENERGIES + j]
+        energy += (((x * x) << 4) - energy) >> _ENERGY_SHIFT
+        digits = (np.float64(energy >> 4).view(np.int64) >> _MANTISSA_BITS) - _EXPONENT_BIAS
         # Error and input are at most 2**26.
-        move = (error * x) << 8 >> max(digits[j] - 8 + _FILTER_SHIFT, 0)
-        predictor.weights[j] = _clip(predictor.weights[j] + move, _MAX_WEIGHT)
+        move = ((error * x) << 8) >> (max(digits, _MIN_DIGITS) - 8 + _FILTER_SHIFT)
+        lanes[_ENERGIES + j] = energy
+        lanes[_WEIGHTS + j] = _clip(lanes[_WEIGHTS + j] + move, _MAX_WEIGHT)
 
 
 @inner_uncounted
-def learn(predictor: Predictor, step: int, scale: int, shift: int, guided: bool) -> None:
-    """Learn the step that came, in sixteenths, where the mean error is ``scale``.
+def learn(predictor: Predictor, i: int, step: int, scale: int, shift: int, guided: bool) -> None:
+    """Learn the step to row i, in sixteenths, where the mean error is ``scale``.
 
     ``guided`` tells whether the guide said anything of it.
     """
-    steps, errors, line = predictor.steps, predictor.errors, predictor.line
+    candidates, errors, line = predictor.candidates, predictor.errors, predictor.line
 
-    # Errors of the candidates, and the filter.
-    for k in range(_GUIDED_CANDIDATES if guided else _CANDIDATES):
-        error = min(abs(step - predictor.candidates[k]), _MAX_CANDIDATE_ERROR * scale)
-        errors[k] += (4 * error - errors[k]) >> _ERROR_SHIFT
-    _learn_filter(predictor, step, scale, shift)
+    # The filter.
+    error = _clip(step - candidates[_FILTER], _MAX_FILTER_ERROR * scale) >> shift
+    _learn_filter(predictor.lanes, _clip(error, _MAX_INPUT))
 
     # Level and slope; the level counts from the new value.
-    expected = predictor.candidates[_LEVEL]
+    expected = candidates[_LEVEL]
     error = _clip(step - expected, _MAX_STEP)
     line[0] = expected + (error * _LEVEL_GAIN >> 6) - step
     line[1] = _clip(line[1] + (error * _SLOPE_GAIN >> 8), _MAX_STEP)
 
+    # Errors of the candidates. A loop over all becomes vector instructions.
+    count = _GUIDED_CANDIDATES if guided else _PLAIN_CANDIDATES
+    limit = _MAX_CANDIDATE_ERROR * scale
+    for k in range(len(errors)):
+        error = 4 * min(abs(step - candidates[k]), limit) - errors[k]
+        errors[k] += error >> _ERROR_SHIFT if k < count else 0
+
     # The step itself.
-    for j in range(_LAGS - 1, 0, -1):
-        steps[j] = steps[j - 1]
-    steps[0] = _clip(step, _MAX_STEP)
+    predictor.steps[np.uint64(i + 7)] = _clip(step, _MAX_STEP)
 
 
 @inner_uncounted
-def forget(predictor: Predictor) -> None:
-    """Forget the last steps after an outlier or a gap, which say nothing of the next one."""
-    predictor.steps[:] = 0
-    predictor.side_steps[:] = 0
+def forget(predictor: Predictor, i: int) -> None:
+    """Forget the last steps after an outlier or a gap at row i: they say nothing of the next."""
+    predictor.steps[i : i + _LAGS] = 0
+    predictor.side_steps[:, i : i + _SIDE_LAGS] = 0
     predictor.line[:] = 0

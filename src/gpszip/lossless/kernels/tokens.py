@@ -62,6 +62,10 @@ _HASH_FACTOR = np.uint64(0x100000001B3)
 
 _SECONDS_PER_DAY = 86400
 
+#: Powers of ten, and the digits of 0 to 99: division by 100 halves the divisions.
+_POWERS = np.array([10**i for i in range(MAX_DIGITS + 2)], np.int64)
+_PAIRS = np.array([_ZERO + digit for i in range(100) for digit in divmod(i, 10)], np.uint8)
+
 
 @inner_uncounted
 def _is_digit(byte: int) -> bool:
@@ -273,18 +277,23 @@ def split_records(
 
 @inner_uncounted
 def _write_digits(out: NDArray[np.uint8], start: int, value: int, count: int) -> None:
-    """Write the last ``count`` digits of a number >= 0."""
-    for i in range(start + count - 1, start - 1, -1):
-        out[i] = _ZERO + np.uint8(value % 10)
-        value //= 10
+    """Write the last ``count`` digits of a number >= 0, two at a time."""
+    i, rest = np.uint64(start + count), np.uint64(value)
+    for _ in range(count >> 1):
+        quotient = rest // np.uint64(100)
+        pair = np.uint32(rest - np.uint64(100) * quotient) << np.uint32(1)
+        i -= np.uint64(2)
+        out[i], out[i + np.uint64(1)] = _PAIRS[pair], _PAIRS[pair + np.uint32(1)]
+        rest = quotient
+    if count & 1:
+        out[np.uint64(start)] = _ZERO + np.uint8(rest % np.uint64(10))
 
 
 @inner_uncounted
 def _count_digits(value: int) -> int:
     """Number of decimal digits of a number >= 0, at least 1."""
-    digits = 1
-    while value >= 10:
-        value //= 10
+    digits = np.int64(1)
+    while digits <= MAX_DIGITS and value >= _POWERS[np.uint32(digits)]:
         digits += 1
     return digits
 
@@ -335,10 +344,11 @@ def _write_token(
         i += 1
         value = abs(value)
     width &= MINUS_ZERO - 1
-    power = np.int64(1)
-    for _ in range(places):
-        power *= 10
-    whole = value // power
+    whole, fraction = value, np.int64(0)
+    if places > 0:
+        power = np.uint64(_POWERS[np.uint32(places)])
+        quotient = np.uint64(value) // power
+        whole, fraction = np.int64(quotient), np.int64(np.uint64(value) - quotient * power)
 
     # The whole part.
     if kind == NUMBER:
@@ -358,7 +368,7 @@ def _write_token(
     # The point and what follows.
     if places > 0:
         out[i] = _POINT
-        _write_digits(out, i + 1, value % power, places)
+        _write_digits(out, i + 1, fraction, places)
         i += 1 + places
     return i
 
