@@ -37,6 +37,9 @@ _SHARES = (0.2, 0.4, 0.7)
 #: hold one that its log misses. The factor makes up for steps of k.
 _TRIALS, _TIGHTER = 4, 0.99
 
+#: Multiple of the RMSE from which on the coreset is too small for that: k would grow for nothing.
+_FAR = 1.5
+
 #: Decimals of metres and seconds in texts.
 _DECIMALS = 3
 
@@ -156,8 +159,9 @@ def run_thesis(
     track : Track
         n samples with times.
     rmse : float, optional
-        RMSE in metres at all samples. Each share of m in k is tried, and the result with the
-        smallest text after bzip2 is returned. By default, k and m are those at the elbow.
+        RMSE in metres at all samples, unless the coreset is too small for it. Each share of m in k
+        is tried, and the result with the smallest text after bzip2 is returned. By default, k and m
+        are those at the elbow.
     coreset : int, optional
         Blocks of the coreset to learn from.
 
@@ -193,7 +197,7 @@ def _run_within(track: Track, rmse: float, share: float, coreset: int | None) ->
     target = rmse
     for _ in range(_TRIALS):
         result = _run(track, within_rmse(target, share), coreset)
-        if result.rmse <= rmse:
+        if result.rmse <= rmse or result.rmse > _FAR * rmse:
             break
         target *= _TIGHTER * rmse / result.rmse
     return result
