@@ -6,7 +6,7 @@ import ast
 import importlib
 from pathlib import Path
 
-BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 
 def test_imports_of_benchmarks_exist():
