@@ -30,7 +30,7 @@ help:
 	@echo "make interop  test frames and maps with polars, duckdb and all other packages that take them"
 	@echo "make fuzz     try all examples of random tests, and feed every reader and the container changed files for MINUTES=60"
 	@echo "make faults   let every system call of every command fail, kill each 200 times, compile for any processor (an hour)"
-	@echo "make bench    run the experiments of the thesis and the benchmarks (an hour)"
+	@echo "make bench    run the experiments of the thesis and the benchmarks (half an hour)"
 	@echo "make docs     draw the pictures of the documentation, and build its site in build/site"
 	@echo "make wheel    build in dist/ the source archive, and a wheel with compiled kernels for this platform and Python"
 	@echo "make man      write the man pages in build/man"

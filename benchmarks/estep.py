@@ -12,12 +12,13 @@ import time
 
 import numpy as np
 
+from gpszip.kernels.sums import track_sums
 from gpszip.model import Track
 from gpszip.segmentation import estep
 from gpszip.segmentation.bottom_up import bottom_up
 from gpszip.segmentation.clustering import ward
 from gpszip.segmentation.mstep import fit_segments, maximize
-from gpszip.segmentation.state import EMState, total_cost, track_sums
+from gpszip.segmentation.state import EMState, total_cost
 
 
 def main() -> None:

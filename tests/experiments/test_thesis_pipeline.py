@@ -6,7 +6,14 @@ import pytest
 from gpszip.codec.waypoints import expand_waypoints
 from gpszip.experiments.experiment import first_samples
 from gpszip.experiments.published import TABLE_8_1, TABLE_8_2
-from gpszip.experiments.thesis_pipeline import STAGES, _find_waypoints, run_thesis
+from gpszip.experiments.thesis_pipeline import (
+    STAGES,
+    _find_waypoints,
+    _run,
+    _run_within,
+    run_thesis,
+    within_rmse,
+)
 from gpszip.graph.road_graph import build_road_graph
 from gpszip.segmentation.evaluate import positions_at
 from gpszip.testing import patrol, quadrotor, ring
@@ -69,12 +76,19 @@ def test_waypoints_give_the_walk_back(robot):
 
 
 def test_a_coreset_has_fewer_samples_and_is_measured_on_all():
-    track = patrol(6000)
-    full, thinned = run_thesis(track, 0.3), run_thesis(track, 0.3, coreset=60)
+    track = patrol(3000)
+    full, thinned = run_thesis(track, 0.5), run_thesis(track, 0.5, coreset=100)
     assert full.coreset is None
-    assert thinned.coreset < 600
-    assert thinned.points == 6000
-    assert thinned.rmse < 0.4
+    assert thinned.coreset < 1000
+    assert thinned.points == 3000
+    assert max(full.rmse, thinned.rmse) <= 0.5
+
+
+def test_the_rmse_holds_at_all_samples_where_a_coreset_misses_it():
+    track = patrol(3000)
+    blocks = _run(track, within_rmse(0.5, 0.2), 100)
+    assert blocks.rmse > 0.5
+    assert _run_within(track, 0.5, 0.2, 100).rmse <= 0.5
 
 
 def test_repeated_laps_share_segments():

@@ -32,14 +32,19 @@ def test_more_parts_than_a_coreset_tells_apart_are_searched_on_all(track, monkey
     assert module._searched_signal(signal, (2, 10), None).coreset is not None
 
 
-def test_ranges_widen_while_the_elbow_lies_in_their_upper_half(track, monkeypatch):
+def test_ranges_widen_while_the_elbow_lies_in_their_upper_third(track, monkeypatch):
     monkeypatch.setattr(module, "_MOST_SEGMENTS", 10)
     monkeypatch.setattr(module, "_MOST_DISTINCT", 4)
     narrow = gpszip.segment_mean(track, (1, 10), (1, 4))
-    assert (5 < narrow.k <= 10, narrow.m <= 2) == (True, True)
+    assert (7 < narrow.k <= 10, narrow.m <= 2) == (True, True)
     wide = gpszip.segment_mean(track, (1, 20), (1, 4))
     assert wide.k <= 10
     assert gpszip.segment_mean(track).costs == wide.costs
+
+
+def test_the_upper_third_of_a_range_begins_after_two_thirds():
+    assert [k for k in range(1, 11) if module._in_upper_third(k, (1, 10))] == [8, 9, 10]
+    assert not module._in_upper_third(155, (1, 300))
 
 
 def test_a_range_does_not_go_with_a_bound(track):

@@ -243,6 +243,7 @@ def test_a_complete_graph_needs_every_node():
         lambda: quadrotor(waypoints=2),
         lambda: quadrotor(dimension=4),
         lambda: person(0),
+        lambda: person(1, blocks=2),
         lambda: taxis(0),
         lambda: taxis(points=1),
         lambda: fleet(lines=0),
@@ -263,6 +264,6 @@ def test_smallest_logs_exist(seed):
     assert len(taxis(1, points=2, blocks=1, seed=seed)) == 2
     assert len(fleet(1, points=2, blocks=1, lines=1, seed=seed)) == 2
     assert len(shuttles(1, lines=1, days=1, blocks=1, period=9999.0, seed=seed)) == 6
-    assert len(person(1, seed=seed)) >= 1
+    assert len(person(1, blocks=3, seed=seed)) >= 1
     assert len(quadrotor(2, waypoints=3, seed=seed)) == 2
     assert len(ring(3, laps=1)) == 4

@@ -22,6 +22,9 @@ _LABEL = 2.5
 #: Millimetres at right, for labels of what is drawn.
 _RIGHT = 17.0
 
+#: Millimetres at right without them, for half of a number at the end of the axis.
+_RIGHT_END = 5.0
+
 #: Millimetres below, for the numbers and the label of the other axis.
 _BELOW = 9.0
 
@@ -42,7 +45,7 @@ def chart_figure(layout: Layout, aspect: float, right: float = _RIGHT) -> tuple[
         Millimetres at right for the legend; few without one.
     """
     # The legend needs the space at right.
-    right = right if layout.legend else _ABOVE
+    right = right if layout.legend else _RIGHT_END
     above = TITLE_HEIGHT if layout.title else _ABOVE
     width, height = layout.width, layout.width * aspect + above
     figure = new_figure(width, height)

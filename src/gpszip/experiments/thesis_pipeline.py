@@ -33,6 +33,13 @@ STAGES = ("coreset", "segments", "map", "waypoints", "bzip2")
 #: Shares of k that are tried for m. The thesis's tables have from 0.33 to 0.85.
 _SHARES = (0.2, 0.4, 0.7)
 
+#: Times at most that segments are learned, each within a smaller RMSE than before: a coreset may
+#: hold one that its log misses. The factor makes up for steps of k.
+_TRIALS, _TIGHTER = 4, 0.99
+
+#: Multiple of the RMSE from which on the coreset is too small for that: k would grow for nothing.
+_FAR = 1.5
+
 #: Decimals of metres and seconds in texts.
 _DECIMALS = 3
 
@@ -152,8 +159,9 @@ def run_thesis(
     track : Track
         n samples with times.
     rmse : float, optional
-        RMSE in metres of the segment mean. Each share of m in k is tried, and the result with the
-        smallest text after bzip2 is returned. By default, k and m are those at the elbow.
+        RMSE in metres at all samples, unless the coreset is too small for it. Each share of m in k
+        is tried, and the result with the smallest text after bzip2 is returned. By default, k and m
+        are those at the elbow.
     coreset : int, optional
         Blocks of the coreset to learn from.
 
@@ -176,12 +184,23 @@ def run_thesis(
     results, failure = [], None
     for share in _SHARES:
         try:
-            results.append(_run(track, within_rmse(rmse, share), coreset))
+            results.append(_run_within(track, rmse, share, coreset))
         except BoundError as error:
             failure = error
     if failure is not None and not results:
         raise failure
     return min(results, key=lambda result: result.sizes.semantic_bzip2)
+
+
+def _run_within(track: Track, rmse: float, share: float, coreset: int | None) -> ThesisResult:
+    """Run all stages with the least k within an RMSE at all samples, with m = share k."""
+    target = rmse
+    for _ in range(_TRIALS):
+        result = _run(track, within_rmse(target, share), coreset)
+        if result.rmse <= rmse or result.rmse > _FAR * rmse:
+            break
+        target *= _TIGHTER * rmse / result.rmse
+    return result
 
 
 def _run(track: Track, find: Finder, coreset: int | None) -> ThesisResult:

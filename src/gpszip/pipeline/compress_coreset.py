@@ -162,7 +162,9 @@ def _check_options(options: Options) -> None:
 
     # What there has to be.
     if options.rmse is None and not (options.k is not None and options.m is not None):
-        raise OptionError("an archive of a coreset needs an RMSE, or k and m", remedy="give rmse")
+        raise OptionError(
+            "an archive of a coreset needs an RMSE, or k and m", remedy="give the RMSE"
+        )
 
 
 def _too_few_blocks_error(coreset: Coreset, rmse: float) -> BoundError:

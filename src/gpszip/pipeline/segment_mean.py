@@ -42,7 +42,7 @@ __all__ = [
 _FEWEST_SEGMENTS = 10
 
 #: Most segments k that are searched at first: the elbow mostly lies lower, and a search of more
-#: takes minutes. Where it lies in the upper half, twice as many are searched.
+#: takes minutes. Where it lies in the upper third, twice as many are searched.
 _MOST_SEGMENTS = 300
 
 #: Most segments m that are searched at first; the same holds.
@@ -168,7 +168,7 @@ def segment_mean(
     """Approximate tracks by k segments, of which m are distinct (thesis, algorithm 1).
 
     Without ``k``, it is searched up to a tenth of the samples, and up to 300 unless the elbow lies
-    in the upper half; without ``m``, up to k and 100 alike (algorithms 3 and 4). With a bound,
+    in the upper third; without ``m``, up to k and 100 alike (algorithms 3 and 4). With a bound,
     those left out are the least that hold it.
     """
     return learn_model(
@@ -284,7 +284,7 @@ def _search(
     searched = _searched_signal(signal, k, m)
     memo = memo or Memo()
 
-    # Widen a range that nobody gave while the elbow lies in its upper half.
+    # Widen a range that nobody gave while the elbow lies in its upper third.
     most_parts, most_segments = _MOST_SEGMENTS, _MOST_DISTINCT
     while True:
         ks = _parts_range(searched, k, m, most_parts)
@@ -297,8 +297,10 @@ def _search(
             executor=executor,
             report=report,
         )
-        wider_k = k is None and ks[1] == most_parts and found.k > most_parts // 2
-        wider_m = m is None and k is None and ms[1] == most_segments and found.m > ms[1] // 2
+        wider_k = k is None and ks[1] == most_parts and _in_upper_third(found.k, ks)
+        wider_m = (
+            m is None and k is None and ms[1] == most_segments and _in_upper_third(found.m, ms)
+        )
         if not (wider_k or wider_m):
             break
         most_parts *= 2 if wider_k else 1
@@ -308,6 +310,16 @@ def _search(
     if searched is signal:
         return found.mean
     return signal.problem.solve(found.k, found.m)
+
+
+def _in_upper_third(number: int, limits: tuple[int, int]) -> bool:
+    """Whether a number lies in the upper third of a range, whose end may have kept it from more.
+
+    Half a range would be doubled for nothing: of 8,000 samples of a patrol, the elbow lies at 155
+    of 300 parts, and a search of 600 takes 2.5 times as long.
+    """
+    least, greatest = limits
+    return 3 * (greatest - number) < greatest - least
 
 
 def _searched_signal(signal: Signal, k: Numbers, m: Numbers) -> Signal:

@@ -12,8 +12,8 @@ from gpszip.testing.roads import Roads, build_roads, drive, record
 
 __all__ = ["person", "person_places"]
 
-#: Blocks along each side of the town.
-_BLOCKS = 14
+#: Blocks along each side of the town, and the fewest, at which it has a crossing for each place.
+_BLOCKS, _FEWEST_BLOCKS = 14, 3
 
 #: Mean metres between two crossings.
 _BLOCK = 260.0
@@ -72,6 +72,7 @@ def person(
     seed: int = 1,
     period: float = 12.0,
     noise: float = 8.0,
+    blocks: int = _BLOCKS,
     id: str = "phone",
 ) -> LogWithTruth:
     """Generate the log of a phone that a person carries for months.
@@ -91,6 +92,8 @@ def person(
         Seconds between two samples while the phone moves.
     noise : float
         Standard deviation of the position error in metres, except for jumps.
+    blocks : int
+        Number of blocks of 260 m along each side of the town, at least 3.
     id : str
         Name of the track.
 
@@ -102,7 +105,7 @@ def person(
     Raises
     ------
     OptionError
-        If there is no day.
+        If there is no day, or the town is too small for all places.
 
     Examples
     --------
@@ -114,7 +117,7 @@ def person(
 
     # The town, and where the person is when.
     rng = np.random.default_rng(seed)
-    roads = build_roads(_BLOCKS, _BLOCK, rng)
+    roads = _build_town(blocks, rng)
     places = _choose_places(roads, rng)
     walk = _live(id, roads, places, days, rng)
 
@@ -127,13 +130,13 @@ def person(
     return join_truth([track], [truth], roads.nodes, roads.edges, [walk])
 
 
-def person_places(*, seed: int = 1) -> dict[str, Floats]:
+def person_places(*, seed: int = 1, blocks: int = _BLOCKS) -> dict[str, Floats]:
     """Return where the person of :func:`person` lives, works and goes.
 
     Parameters
     ----------
-    seed : int
-        Seed of the person.
+    seed, blocks : int
+        Those of the person.
 
     Returns
     -------
@@ -147,8 +150,18 @@ def person_places(*, seed: int = 1) -> dict[str, Floats]:
     True
     """
     rng = np.random.default_rng(seed)
-    roads = build_roads(_BLOCKS, _BLOCK, rng)
+    roads = _build_town(blocks, rng)
     return {name: roads.nodes[nodes] for name, nodes in _choose_places(roads, rng).items()}
+
+
+def _build_town(blocks: int, rng: np.random.Generator) -> Roads:
+    """Return the roads of a town that has a crossing for each place."""
+    if blocks < _FEWEST_BLOCKS:
+        raise OptionError(
+            f"a town of {blocks} blocks has too few crossings",
+            remedy=f"give {_FEWEST_BLOCKS} or more",
+        )
+    return build_roads(blocks, _BLOCK, rng)
 
 
 def _choose_places(roads: Roads, rng: np.random.Generator) -> dict[str, NDArray[np.int32]]:
