@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
+from gpszip.kernels.read_only import read_only
 from gpszip.model import Track
 from gpszip.model.log import Log
 from gpszip.pipeline.slices import Slice, batch_slices, slice_tracks
@@ -112,7 +113,9 @@ def thin_log(log: Log, coreset: Coreset, *, executor: Executor | None = None) ->
         selected = zip(*workers.map(_select_samples, work), strict=True)
         times, positions, weights = (np.concatenate(column) for column in selected)
         starts = np.append(np.searchsorted(times, coreset.edges[rows, 0]), len(times))
-        kept, kept_weights = select_block_samples(times, positions, weights, starts)
+        kept, kept_weights = select_block_samples(
+            *map(read_only, (times, positions, weights)), starts
+        )
         yield Track(track.id, times[kept], positions[kept], kept_weights, plane=log.plane)
 
 
@@ -198,7 +201,7 @@ def _select_samples(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Times, positions and weights of a few samples of each block."""
     track, cuts = work
-    kept, weights = select_block_samples(track.times, track.positions, np.ones(len(track)), cuts)
+    kept, weights = select_block_samples(track.times, track.positions, sample_weights(track), cuts)
     return track.times[kept], track.positions[kept], weights
 
 
