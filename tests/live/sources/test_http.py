@@ -158,6 +158,7 @@ def test_bodies_and_queries_are_limited(server):
 
 def test_a_request_that_does_not_come_ends_its_connection(monkeypatch):
     monkeypatch.setattr("gpszip.live.serving._HEAD_SECONDS", 0.1)
+    monkeypatch.setattr("gpszip.live.serving._IDLE_SECONDS", 0.1)
 
     async def ask(data):
         source = http.HttpSource("127.0.0.1", 0, Notices(print))
