@@ -29,6 +29,7 @@ from gpszip.sketches.partition import (
     next_block_cost,
     resolve_block_count,
 )
+from gpszip.sketches.weights import sample_weights
 
 __all__ = ["sketch_log", "thin_log"]
 
