@@ -309,7 +309,7 @@ def test_who_comes_too_fast_is_told_when_to_come_again(monkeypatch):
     # Five requests at once, and another one after 100 seconds, which no machine takes for them.
     monkeypatch.setattr("gpszip.live.sources.rates._BURST_SECONDS", 500.0)
     with serving(max_rate=0.01) as (port, taken):
-        connection = HTTPConnection("127.0.0.1", port, timeout=30)
+        connection = HTTPConnection("127.0.0.1", port, timeout=120)
 
         def ask(name, number):
             place = f"lat={48 + number / 1e4}&lon=11.5&timestamp={bodies.TIME + number}"
