@@ -112,11 +112,9 @@ def thin_log(log: Log, coreset: Coreset, *, executor: Executor | None = None) ->
             (log.read(track, int(run[0]), int(run[-1])), run - run[0]) for run in _cut_runs(finer)
         )
         selected = zip(*workers.map(_select_samples, work), strict=True)
-        times, positions, weights = (np.concatenate(column) for column in selected)
+        times, positions, weights = (read_only(np.concatenate(column)) for column in selected)
         starts = np.append(np.searchsorted(times, coreset.edges[rows, 0]), len(times))
-        kept, kept_weights = select_block_samples(
-            *map(read_only, (times, positions, weights)), starts
-        )
+        kept, kept_weights = select_block_samples(times, positions, weights, starts)
         yield Track(track.id, times[kept], positions[kept], kept_weights, plane=log.plane)
 
 

@@ -137,7 +137,8 @@ class CoresetStream:
         rows = self._rows[: self._count]
         if len(self._pending.times):
             cuts = np.array([0, len(self._pending.times)])
-            rows = np.concatenate([rows, kernel.block_rows(*map(read_only, self._pending), cuts)])
+            rest = _Chunk(*map(read_only, self._pending))
+            rows = np.concatenate([rows, kernel.block_rows(*rest, cuts)])
         owners = np.zeros(len(rows), np.int64)
         return Coreset((self.id,), owners, rows.copy(), self.plane).reduced(self.size)
 
