@@ -124,7 +124,7 @@ def _follow_roads() -> None:
     # A jump from one to the other, which no path explains.
     along = np.linspace(-30.0, 30.0, 9)
     positions = np.column_stack((np.append(along, along[::-1]), np.repeat([30.0, 60.0], 9)))
-    match(Track("jump", 10.0 * np.arange(18), positions), roads)
+    match(Track("jump", np.arange(0.0, 180.0, 10.0), positions), roads)
 
     # Live, with samples at one position and at others.
     track = _loops()[0]
