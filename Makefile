@@ -39,10 +39,11 @@ help:
 	@echo "make format   lay out the code and mend what ruff can mend"
 	@echo "make clean    remove the environment, the demo and all caches"
 
-# Checks of the text and compiling kernels go side by side; without the latter each worker compiles all kernels for itself.
+# Kernels are compiled first, else each worker compiles all of them for itself. Checks of the text go side by side with
+# that, and those of types with the tests, some of which wait for servers and browsers. The longest job begins first.
 test: $(VENV)/.dev
-	@$(MAKE) --no-print-directory --jobs=2 --output-sync lint types imports page warm
-	@$(MAKE) --no-print-directory pytest
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync warm lint imports page
+	@$(MAKE) --no-print-directory --jobs=2 pytest types
 
 warm: $(VENV)/.dev
 	$(BIN)/gpszip warm

@@ -11,6 +11,7 @@ import shlex
 import shutil
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -251,15 +252,19 @@ def write_files():
 def write_archives(names):
     """Write the archives that a page begins with."""
     for number, name in enumerate(names):
-        if name in LOGS:
-            tracks = list(gpszip.read(LOGS[name]))
-        elif name in {"fine", "medium", "coarse"}:
-            tracks = list(gpszip.read("walk.csv"))
-        else:
-            tracks = [
-                gps_lap("cab" if name in {"monday", "tuesday", "fleet"} else name, number=number)
-            ]
-        gpszip.compress(tracks, rmse=5.0 + number, effort=1).save(f"{name}.gpsz")
+        compress_page_log(name, number).save(f"{name}.gpsz")
+
+
+@cache
+def compress_page_log(name, number):
+    """Compress the log of an archive, once for all pages that begin with it."""
+    if name in LOGS:
+        tracks = list(gpszip.read(LOGS[name]))
+    elif name in {"fine", "medium", "coarse"}:
+        tracks = list(gpszip.read("walk.csv"))
+    else:
+        tracks = [gps_lap("cab" if name in {"monday", "tuesday", "fleet"} else name, number=number)]
+    return gpszip.compress(tracks, rmse=5.0 + number, effort=1)
 
 
 def values_of(page):

@@ -1,91 +1,76 @@
-"""Commands on small archives, help and usage errors answer without compiler and heavy imports."""
+"""Commands on small archives, help and usage errors answer without compiler and heavy imports.
+
+What one command imports stays imported, so one process runs many and names the first that fails.
+"""
 
 import subprocess
 import sys
 
-import pytest
-
 HEAVY = ("numba", "scipy", "pyarrow", "matplotlib", "rich")
 
+#: Commands that import nothing heavy, and their exit codes.
+LIGHT = [
+    ([], 2),
+    (["compress"], 2),
+    (["--help"], 0),
+    (["--version"], 0),
+    (["compress", "--help"], 0),
+    (["plot", "--help"], 0),
+    (["info", "two.gpsz"], 0),
+    (["verify", "two.gpsz"], 0),
+]
 
-@pytest.mark.parametrize(
-    ("arguments", "code"),
-    [
-        (["--help"], 0),
-        (["--version"], 0),
-        (["compress", "--help"], 0),
-        (["plot", "--help"], 0),
-        (["info", "two.gpsz"], 0),
-        (["verify", "two.gpsz"], 0),
-        (["compress"], 2),
-        ([], 2),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
-)
-def test_fast_answers_import_nothing_heavy(archive, arguments, code):
-    script = (
-        "import sys\nfrom gpszip.cli.main import main\n"
-        f"code = main({arguments!r})\n"
-        f"print('heavy:', [name for name in {HEAVY!r} if name in sys.modules], code)"
-    )
+#: Commands that need no compiler.
+UNCOMPILED = [
+    ["formats"],
+    ["decompress", "two.gpsz", "-o", "-"],
+    ["decompress", "two.gpsz", "-o", "two.geojson"],
+    ["decompress", "two.gpsz", "--every", "1", "-o", "-"],
+    ["map", "two.gpsz", "--raw", "-o", "-"],
+]
+
+
+def run(script, folder):
     done = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        cwd=archive.parent,
-        check=True,
-    )
-    assert done.stdout.splitlines()[-1] == f"heavy: [] {code}"
-
-
-def test_formats_needs_no_compiler(archive):
-    script = (
-        "import sys\nfrom gpszip.cli.main import main\n"
-        "main(['formats'])\nassert 'numba' not in sys.modules"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        cwd=archive.parent,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert "geojson" in done.stdout
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["decompress", "two.gpsz", "-o", "-"],
-        ["decompress", "two.gpsz", "-o", "two.geojson"],
-        ["decompress", "two.gpsz", "--every", "1", "-o", "-"],
-        ["map", "two.gpsz", "--raw", "-o", "-"],
-    ],
-    ids=" ".join,
-)
-def test_small_archives_are_written_without_the_compiler(archive, arguments):
-    assert_needs_no_compiler(
-        f"from gpszip.cli.main import main\nassert main({arguments!r}) == 0", archive.parent
-    )
-
-
-def test_small_archives_answer_in_python_without_the_compiler(archive):
-    assert_needs_no_compiler(
-        "import gpszip\narchive = gpszip.open('two.gpsz')\n"
-        "assert len(archive.road_map.edges)\n"
-        "track = archive.ids[0]\nstart = archive[track].start\n"
-        "assert archive.position(track, start).min() > -1e9\n"
-        "archive.sample(1.0)",
-        archive.parent,
-    )
-
-
-def assert_needs_no_compiler(script, folder):
-    done = subprocess.run(
-        [sys.executable, "-c", f"{script}\nimport sys\nassert 'numba' not in sys.modules"],
+        [sys.executable, "-c", f"import sys\n{script}"],
         capture_output=True,
         cwd=folder,
         check=False,
     )
     assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_fast_answers_import_nothing_heavy(archive):
+    script = f"""
+from gpszip.cli.main import main
+for words, code in {LIGHT!r}:
+    assert main(words) == code, words
+    heavy = [name for name in {HEAVY!r} if name in sys.modules]
+    assert not heavy, (words, heavy)
+"""
+    run(script, archive.parent)
+
+
+def test_small_archives_are_written_and_formats_listed_without_the_compiler(archive):
+    script = f"""
+from gpszip.cli.main import main
+for words in {UNCOMPILED!r}:
+    assert main(words) == 0, words
+    assert "numba" not in sys.modules, words
+"""
+    assert b"geojson" in run(script, archive.parent)
+
+
+def test_small_archives_answer_in_python_without_the_compiler(archive):
+    script = """
+import gpszip
+archive = gpszip.open("two.gpsz")
+assert len(archive.road_map.edges)
+track = archive.ids[0]
+start = archive[track].start
+assert archive.position(track, start).min() > -1e9
+archive.sample(1.0)
+assert "numba" not in sys.modules
+"""
+    run(script, archive.parent)

@@ -216,16 +216,16 @@ def test_progress_is_drawn_in_colour_and_erased(terminal):
     assert "\x1b[?25h" in written  # the cursor is back
 
 
-@pytest.mark.parametrize("columns", [40, 200])
-def test_no_line_of_progress_is_wider_than_the_terminal(terminal, columns):
-    written, code = terminal(COMMAND, columns)
+@pytest.mark.parametrize(("columns", "environment"), [(40, {"NO_COLOR": "1"}), (200, {})])
+def test_no_line_of_progress_is_wider_than_the_terminal(terminal, columns, environment):
+    written, code = terminal(COMMAND, columns, **environment)
     assert code == 0
     drawn, _, _ = written.rpartition("patrol.gpsz:")
     assert max(map(len, lines_of(drawn))) < columns
 
 
 def test_no_color_leaves_out_colours_only(terminal):
-    written, code = terminal(COMMAND, NO_COLOR="1")
+    written, code = terminal(COMMAND, 40, NO_COLOR="1")
     assert code == 0
     assert not COLOUR.search(written)
     assert any(text.startswith(("read", "learn")) for text in lines_of(written))

@@ -8,8 +8,8 @@ from gpszip.errors import OutputError
 from gpszip.live import Fix, Notices
 from gpszip.live.screening import Screen
 
-#: Seconds after which a test has failed.
-DEADLINE = 30
+#: Seconds after which a test has failed, also where other processes take the processor.
+DEADLINE = 120
 
 
 class Taken:

@@ -84,7 +84,7 @@ def listening(folder, *options, **more):
 
 def request(port, path, body=None, method=None, **headers):
     """Status and body of a request."""
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=120)
     named = {name.replace("_", "-"): value for name, value in headers.items()}
     if isinstance(body, dict | list):
         body, named = json.dumps(body), {"content-type": "application/json"} | named

@@ -71,7 +71,7 @@ def broker(folder, port=None):
         yield port
 
 
-def wait_until(holds, seconds=60):
+def wait_until(holds, seconds=120):
     """Wait until something holds; return whether it does."""
     deadline = time.monotonic() + seconds
     while not holds() and time.monotonic() < deadline:

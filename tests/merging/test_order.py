@@ -50,8 +50,8 @@ SETS = {
 }
 
 
-#: Each archive at each position, and the last two of them in either order.
-ORDERS = ((0, 1, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0))
+#: Each archive at each position.
+ORDERS = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 
 
 @cache
@@ -67,7 +67,9 @@ def merge_in_order(name, order):
 
 @pytest.mark.parametrize("name", SETS)
 def test_any_order_gives_the_same_bytes(name):
-    assert len({merge_in_order(name, order)[0].to_bytes() for order in ORDERS}) == 1
+    # The reverse is merged for its deviations anyway.
+    orders = (*ORDERS, (2, 1, 0)) if name == "tiny" else ORDERS
+    assert len({merge_in_order(name, order)[0].to_bytes() for order in orders}) == 1
 
 
 def test_deviations_are_in_the_order_of_the_archives():

@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from pathlib import Path
 
 from gpszip.errors import BoundError, CorruptArchiveError, MissingExtraError
 
@@ -15,8 +16,12 @@ def scale(factors, i):
     return factors[i % len(factors)] * i
 
 
-def process_id(_):
-    time.sleep(0.05)
+def process_id(folder):
+    """The process, once another one has come as well; each leaves a file in the folder."""
+    Path(folder, str(os.getpid())).touch()
+    deadline = time.monotonic() + 60
+    while len(os.listdir(folder)) < 2 and time.monotonic() < deadline:
+        time.sleep(0.01)
     return os.getpid()
 
 
@@ -38,9 +43,10 @@ def raise_error(number):
     }[number]
 
 
-def sleep_30_seconds(x):
+def sleep_30_seconds(folder):
+    """Sleep, and leave a file that is named for the process before."""
+    Path(folder, str(os.getpid())).touch()
     time.sleep(30)
-    return x
 
 
 def join_in_brackets(a, b):

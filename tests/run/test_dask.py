@@ -49,9 +49,14 @@ class Cluster(distributed.LocalCluster):
 
 @pytest.fixture(scope="module")
 def client():
-    # an item may kill one worker, not the usual three: each takes seconds to start again
+    # an item may kill one worker, not the usual three: each takes seconds to start again, on a busy
+    # machine more than the 15 after which the cluster closes it
+    settings = {
+        "distributed.scheduler.allowed-failures": 1,
+        "distributed.deploy.lost-worker-timeout": "120s",
+    }
     with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        dask.config.set(settings),
         Cluster(
             n_workers=2,
             threads_per_worker=1,

@@ -31,9 +31,9 @@ def two_processes():
         yield executor
 
 
-def test_results_come_in_order_from_other_processes(two_processes):
+def test_results_come_in_order_from_other_processes(two_processes, tmp_path):
     assert list(two_processes.map(halve, iter(range(40)))) == [x / 2 for x in range(40)]
-    others = set(two_processes.map(process_id, range(12)))
+    others = set(two_processes.map(process_id, [tmp_path] * 2))
     assert len(others) == 2
     assert os.getpid() not in others
 
@@ -80,33 +80,35 @@ def test_zero_processes_are_refused():
 
 
 def test_ctrl_c_ends_the_processes_at_once(tmp_path):
-    script = tmp_path / "main.py"
+    script, asleep = tmp_path / "main.py", tmp_path / "asleep"
+    asleep.mkdir()
     script.write_text(
         textwrap.dedent("""
             import multiprocessing, signal, sys
             from gpszip.run import Processes
-            from oracle.chores import sleep_30_seconds, process_id
+            from oracle.chores import sleep_30_seconds
             if __name__ == "__main__":
                 # a shell's background processes ignore SIGINT from the start
                 signal.signal(signal.SIGINT, signal.default_int_handler)
                 with Processes(2) as executor:
-                    print(*sorted(set(executor.map(process_id, range(8)))), flush=True)
                     try:
-                        list(executor.map(sleep_30_seconds, range(4)))
+                        list(executor.map(sleep_30_seconds, [sys.argv[1]] * 4))
                     except KeyboardInterrupt:
                         print(len(multiprocessing.active_children()), flush=True)
         """)
     )
     path = os.pathsep.join(p for p in sys.path if p)
     running = subprocess.Popen(
-        [sys.executable, script],
+        [sys.executable, script, asleep],
         stdout=subprocess.PIPE,
         text=True,
         env=os.environ | {"PYTHONPATH": path},
     )
-    children = [int(word) for word in running.stdout.readline().split()]
-    assert len(children) == 2
-    time.sleep(0.5)
+    # Both processes sleep before the signal comes.
+    deadline = time.monotonic() + 60
+    while len(children := [int(path.name) for path in asleep.iterdir()]) < 2:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
     running.send_signal(signal.SIGINT)
     rest, _ = running.communicate(timeout=20)
     assert rest.strip() == "0"

@@ -121,7 +121,8 @@ def build_prefix_sums(
     time_tick = _time_tick(seconds)
     position_tick = _position_tick(metres)
     t, p = _ticks(seconds, time_tick), _ticks(metres, position_tick)
-    w = np.ones(len(t)) if weights is None else np.asarray(weights, dtype=np.float64)
+    # A copy, as the weights of a track can't be written to: kernels are compiled for one kind.
+    w = np.ones(len(t)) if weights is None else np.array(weights, dtype=np.float64)
 
     # Sum up.
     extent = float(np.sqrt(np.square(np.ptp(p, axis=0)).sum()))

@@ -31,6 +31,9 @@ _PAUSE_SECONDS = 0.5
 #: Seconds until the head of a request is there; connections that send none are closed.
 _HEAD_SECONDS = 30.0
 
+#: Seconds that a connection stays open for another request, as in uvicorn without this setting.
+_IDLE_SECONDS = 5
+
 #: Connections that the system keeps until the server takes them.
 _BACKLOG = 1_024
 
@@ -159,6 +162,7 @@ async def serve(app: Any, bound: socket.socket, max_connections: int, head_bytes
         forwarded_allow_ips=list(_PROXIES),
         limit_concurrency=max_connections,
         h11_max_incomplete_event_size=head_bytes,
+        timeout_keep_alive=_IDLE_SECONDS,
         timeout_graceful_shutdown=_END_SECONDS,
     )
 

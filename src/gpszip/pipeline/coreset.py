@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
+from gpszip.kernels.read_only import read_only
 from gpszip.model import Track
 from gpszip.model.log import Log
 from gpszip.pipeline.slices import Slice, batch_slices, slice_tracks
@@ -28,6 +29,7 @@ from gpszip.sketches.partition import (
     next_block_cost,
     resolve_block_count,
 )
+from gpszip.sketches.weights import sample_weights
 
 __all__ = ["sketch_log", "thin_log"]
 
@@ -110,7 +112,7 @@ def thin_log(log: Log, coreset: Coreset, *, executor: Executor | None = None) ->
             (log.read(track, int(run[0]), int(run[-1])), run - run[0]) for run in _cut_runs(finer)
         )
         selected = zip(*workers.map(_select_samples, work), strict=True)
-        times, positions, weights = (np.concatenate(column) for column in selected)
+        times, positions, weights = (read_only(np.concatenate(column)) for column in selected)
         starts = np.append(np.searchsorted(times, coreset.edges[rows, 0]), len(times))
         kept, kept_weights = select_block_samples(times, positions, weights, starts)
         yield Track(track.id, times[kept], positions[kept], kept_weights, plane=log.plane)
@@ -198,7 +200,7 @@ def _select_samples(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Times, positions and weights of a few samples of each block."""
     track, cuts = work
-    kept, weights = select_block_samples(track.times, track.positions, np.ones(len(track)), cuts)
+    kept, weights = select_block_samples(track.times, track.positions, sample_weights(track), cuts)
     return track.times[kept], track.positions[kept], weights
 
 

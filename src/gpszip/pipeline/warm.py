@@ -105,22 +105,26 @@ def _follow_roads() -> None:
     from gpszip.matching.live import LiveMatcher
     from gpszip.pipeline.match import match, patch
 
-    # a rectangle of two-way roads around the loop
+    # a rectangle of two-way roads around the loop, and a road that none of them leads to
     corners = np.array([[-40.0, -30.0], [40.0, -30.0], [40.0, 30.0], [-40.0, 30.0]])
-    starts = np.arange(4, dtype=np.int32)
-    ends = np.roll(starts, -1)
-    sides = np.stack((corners[starts], corners[ends]), axis=1).reshape(-1, 2)
+    nodes = np.concatenate((corners, [[-40.0, 60.0], [40.0, 60.0]]))
+    starts, ends = np.array([[0, 1, 2, 3, 4], [1, 2, 3, 0, 5]], np.int32)
     roads = Network(
-        nodes=corners,
+        nodes=nodes,
         starts=starts,
         ends=ends,
-        offsets=np.arange(0, 9, 2),
-        points=sides,
-        forward=np.ones(4, bool),
-        backward=np.ones(4, bool),
-        speeds=np.full(4, np.nan),
+        offsets=np.arange(0, 11, 2),
+        points=np.stack((nodes[starts], nodes[ends]), axis=1).reshape(-1, 2),
+        forward=np.ones(5, bool),
+        backward=np.ones(5, bool),
+        speeds=np.full(5, np.nan),
     )
     patch(_loops(), roads, gap=60.0)
+
+    # A jump from one to the other, which no path explains.
+    along = np.linspace(-30.0, 30.0, 9)
+    positions = np.column_stack((np.append(along, along[::-1]), np.repeat([30.0, 60.0], 9)))
+    match(Track("jump", np.arange(0.0, 180.0, 10.0), positions), roads)
 
     # Live, with samples at one position and at others.
     track = _loops()[0]
@@ -205,5 +209,12 @@ def _keep_logs() -> None:
     decode_block(Cursor(encode_block(text, GuideFinder(NO_TRAILS))), len(text), NO_TRAILS)
 
 
+def _compare_lines() -> None:
+    from gpszip.walks.polylines import polyline_distances
+
+    line = _loops()[0].positions
+    polyline_distances(line, line[::-1])
+
+
 #: What calls all kernels, the longest first.
-TASKS = (_learn_maps, _follow_roads, _sketch, _keep_logs)
+TASKS = (_learn_maps, _follow_roads, _sketch, _keep_logs, _compare_lines)

@@ -28,5 +28,5 @@ def douglas_peucker(sums: PrefixSums, k: int) -> NDArray[np.int64]:
     int64 array, shape (k + 1,)
         Boundaries of the intervals. Time n log k on typical logs.
     """
-    boundaries: NDArray[np.int64] = kernel.douglas_peucker(sums.t, sums.p, k)
-    return boundaries
+    # Splits are in order of distance: put them in order of time.
+    return np.sort(kernel.douglas_peucker(sums.t, sums.p, k))

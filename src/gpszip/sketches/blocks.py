@@ -15,6 +15,7 @@ from gpszip.model import Track
 from gpszip.sketches.coreset import Coreset
 from gpszip.sketches.kernels import blocks as kernel
 from gpszip.sketches.stream import merge_coresets
+from gpszip.sketches.weights import sample_weights
 
 __all__ = ["build_fine_blocks", "merge_fine_blocks"]
 
@@ -49,7 +50,7 @@ def merge_fine_blocks(max_blocks: int, first: Coreset, second: Coreset) -> Cores
 
 def _absorb_track(max_blocks: int, track: Track) -> NDArray[np.float64]:
     """Return the rows of a track's blocks: up to ``2 * max_blocks``, and one more."""
-    weights = np.ones(len(track)) if track.weights is None else track.weights
+    weights = sample_weights(track)
 
     # Full leaves.
     leaves = len(track) // kernel.LEAF_SAMPLES

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import OptionError
+from gpszip.kernels.read_only import read_only
 from gpszip.model import Plane, SegmentMean
 from gpszip.model.text import count_text
 from gpszip.sketches.kernels import blocks as kernel
@@ -219,9 +220,8 @@ class Coreset:
             )
 
         # Sums over the blocks, rounded outward.
-        table = block_costs(
-            blocks.rows, pieces.start_times, pieces.breaks, pieces.starts, pieces.velocities
-        )
+        numbers = (pieces.start_times, pieces.breaks, pieces.starts, pieces.velocities)
+        table = block_costs(blocks.rows, *map(read_only, numbers))
         estimate, lower, upper = (math.fsum(column) for column in table.T)
         return Cost(estimate, max(math.nextafter(lower, 0.0), 0.0), math.nextafter(upper, math.inf))
 
@@ -380,7 +380,7 @@ def _sum_of_costliest(rows: NDArray[np.float64], k: int) -> float:
 
 def _cost_upper_bounds(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return free costs, rounded up; 0 for blocks of up to two samples, which lie on a line."""
-    costs = np.array([kernel.free_cost(row) for row in rows])
+    costs = np.array([kernel.free_cost(row) for row in read_only(rows)])
     return np.where(rows[:, kernel.COUNT] > 2, costs + _rounding_errors(rows), 0.0)
 
 
@@ -402,6 +402,7 @@ def _sum_of_largest(values: NDArray[np.float64], count: int) -> float:
 def _least_cost(rows: NDArray[np.float64], k: int) -> float:
     """Return a lower bound on the cost of every k-segment of one track."""
     # The blocks without a break.
+    rows = read_only(rows)
     costs = np.array([kernel.free_cost(row) for row in rows])
     rounding = math.fsum(_rounding_errors(rows))
     unbroken = math.fsum(costs) - _sum_of_largest(costs, k - 1) - rounding
@@ -420,7 +421,7 @@ def _least_cost(rows: NDArray[np.float64], k: int) -> float:
     )
 
     # 2 k - 1 intervals at block edges
-    dual = _dual_bound(rows, 2 * k - 1, kernel.free_cost(merged))
+    dual = _dual_bound(rows, 2 * k - 1, kernel.free_cost(read_only(merged)))
     at_edges = float(dual - _sum_of_largest(_cost_upper_bounds(rows), k - 1) - rounding)
     return max(unbroken, at_edges, 0.0)
 

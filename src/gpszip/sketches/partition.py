@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OptionError
+from gpszip.kernels.read_only import read_only
 from gpszip.kernels.sums import PrefixSums, normalised_moments, track_sums
 from gpszip.kernels.sums import best_line_cost as free_cost_in_ticks
 from gpszip.model import Track
 from gpszip.sketches.coreset import Coreset, eps_of_blocks
 from gpszip.sketches.kernels import blocks as kernel
 from gpszip.sketches.kernels.balanced import balanced_cuts
+from gpszip.sketches.weights import sample_weights
 
 __all__ = [
     "LOWER_BOUND_FACTORS",
@@ -237,7 +239,7 @@ def _sigma(balanced_rows: Callable[[int], NDArray[np.float64]], k: int, eps: flo
     """Return sigma for a function that returns a balanced partition of a given size."""
     lower_bound = 0.0
     for factor in LOWER_BOUND_FACTORS:
-        rows = balanced_rows(math.ceil(factor * k))
+        rows = read_only(balanced_rows(math.ceil(factor * k)))
         costs = np.array([kernel.free_cost(row) for row in rows])
         unbroken = np.sort(costs)[: max(len(costs) - k + 1, 0)]
         lower_bound = max(lower_bound, math.fsum(unbroken))
@@ -331,8 +333,7 @@ def _check_tracks(tracks: Sequence[Track]) -> None:
 
 def _block_rows(track: Track, cuts: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the rows of the blocks between cuts."""
-    weights = np.ones(len(track)) if track.weights is None else track.weights
-    return kernel.block_rows(track.times, track.positions, weights, cuts)
+    return kernel.block_rows(track.times, track.positions, sample_weights(track), cuts)
 
 
 def _balanced_cuts(sums: PrefixSums, limit: float) -> NDArray[np.int64]:

@@ -10,6 +10,7 @@ from gpszip.errors import OptionError
 from gpszip.model import Track
 from gpszip.sketches.coreset import Coreset
 from gpszip.sketches.kernels.caratheodory import select_block_samples
+from gpszip.sketches.weights import sample_weights
 
 __all__ = ["weighted_samples"]
 
@@ -63,6 +64,7 @@ def _select_track_samples(coreset: Coreset, track: Track) -> Track:
     if not np.array_equal(edge_times, blocks.edges.T.ravel()):
         raise OptionError(f"the coreset is not of this track {track.id!r}: samples or times differ")
 
-    weights = np.ones(len(track)) if track.weights is None else track.weights
-    kept, new_weights = select_block_samples(track.times, track.positions, weights, cuts)
+    kept, new_weights = select_block_samples(
+        track.times, track.positions, sample_weights(track), cuts
+    )
     return Track(track.id, track.times[kept], track.positions[kept], new_weights, plane=track.plane)

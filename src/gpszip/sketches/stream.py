@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import InputError, OptionError, TrackError
+from gpszip.kernels.read_only import read_only
 from gpszip.model import Plane
 from gpszip.sketches.coreset import OVERSAMPLING, Coreset
 from gpszip.sketches.kernels import blocks as kernel
@@ -116,7 +117,7 @@ class CoresetStream:
                 self._rows,
                 self._count,
                 OVERSAMPLING * self.size,
-                *(values[:end] for values in chunk),
+                *(read_only(values[:end]) for values in chunk),
             )
         # Copies, since slices would keep the full chunk in memory.
         self._pending = _Chunk(*(values[end:].copy() for values in chunk))
@@ -136,7 +137,8 @@ class CoresetStream:
         rows = self._rows[: self._count]
         if len(self._pending.times):
             cuts = np.array([0, len(self._pending.times)])
-            rows = np.concatenate([rows, kernel.block_rows(*self._pending, cuts)])
+            rest = _Chunk(*map(read_only, self._pending))
+            rows = np.concatenate([rows, kernel.block_rows(*rest, cuts)])
         owners = np.zeros(len(rows), np.int64)
         return Coreset((self.id,), owners, rows.copy(), self.plane).reduced(self.size)
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gpszip.kernels.read_only import read_only
 from gpszip.walks.kernels.polylines import (
     discrete_frechet_square,
     frechet_within,
@@ -97,7 +98,7 @@ def polyline_distances(p: ArrayLike, q: ArrayLike) -> PolylineDistances:
     """
     # Thin what is too long.
     first, second = _thin_both(_with_a_segment(p), _with_a_segment(q))
-    a, b = first.vertices, second.vertices
+    a, b = read_only(first.vertices), read_only(second.vertices)
 
     # The Hausdorff and the discrete distance, which bound the Fréchet distance.
     (there, off_there), (back, off_back) = _directed_hausdorff(a, b), _directed_hausdorff(b, a)
@@ -297,7 +298,7 @@ def _find_nearest(points: Floats, q: _Boxed) -> tuple[_Points, int]:
         Number of distances that were computed.
     """
     squares, nearest = np.empty(len(points)), np.empty(len(points), np.int64)
-    computed = nearest_squares(np.ascontiguousarray(points), *q, squares, nearest)
+    computed = nearest_squares(read_only(np.ascontiguousarray(points)), *q, squares, nearest)
     return _Points(points, np.sqrt(squares), nearest), computed
 
 

@@ -76,7 +76,7 @@ class Stream:
     """Messages of the stream, one after the other."""
 
     def __init__(self, port, **headers):
-        self._connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+        self._connection = http.client.HTTPConnection("127.0.0.1", port, timeout=120)
         named = {name.replace("_", "-"): value for name, value in headers.items()}
         self._connection.request("GET", "/stream", headers=named)
         self.answer = self._connection.getresponse()

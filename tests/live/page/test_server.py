@@ -27,7 +27,7 @@ def page():
 
 def ask(port, path, method="GET", **headers):
     """Answer to a request, and its body."""
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=120)
     try:
         connection.request(method, path, headers=headers)
         answer = connection.getresponse()

@@ -273,17 +273,18 @@ def count_prior_steps(
         count_step(working_map, pairs[i, 0], pairs[i, 1], counts[i])
 
 
-@jit
+@jit_uncounted
 def copy_working_map(working_map: WorkingMap, source: WorkingMap) -> None:
     """Copy all nodes and steps of a map into an empty one with more capacity."""
     # Copy the nodes; half-edges are counted again below.
     count = source.counters[NODE_COUNT]
-    working_map.counters[:] = source.counters
+    copy_values(source.counters, working_map.counters)
     working_map.counters[HALF_EDGE_COUNT] = 0
-    working_map.positions[:count] = source.positions[:count]
-    working_map.uses[:count] = source.uses[:count]
-    working_map.free[: source.counters[FREE_COUNT]] = source.free[: source.counters[FREE_COUNT]]
-    working_map.outgoing_weight[:count] = source.outgoing_weight[:count]
+    for node in range(count):
+        copy_values(source.positions[node], working_map.positions[node])
+    copy_values(source.uses, working_map.uses[:count])
+    copy_values(source.free, working_map.free[: source.counters[FREE_COUNT]])
+    copy_values(source.outgoing_weight, working_map.outgoing_weight[:count])
 
     # Enter nodes and half-edges into the larger hash tables.
     for node in range(count):

@@ -171,7 +171,9 @@ def candidates_from(candidates: Candidates, first: int) -> Candidates:
 @inner
 def first_minimum(costs: NDArray[np.float64]) -> int:
     """Index of the first cost that is the least but for rounding."""
-    least = costs.min()
+    least = np.inf
+    for i in range(len(costs)):
+        least = min(least, costs[i])
     for i in range(len(costs)):
         if costs[i] <= least + ROUNDING:
             return i

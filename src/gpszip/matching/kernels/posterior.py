@@ -35,7 +35,7 @@ def posterior(trellis: Trellis) -> NDArray[np.float64]:
         if trellis.cost_starts[step + 1] > trellis.cost_starts[step]:
             _step_forward(trellis, step, log_forward)
         log_forward[low:high] -= trellis.candidates.emission_costs[low:high]
-        log_forward[low:high] -= log_forward[low:high].max()
+        log_forward[low:high] -= _greatest(log_forward, low, high)
 
     # Backward.
     log_backward = np.zeros(starts[steps])
@@ -47,9 +47,18 @@ def posterior(trellis: Trellis) -> NDArray[np.float64]:
     for step in range(steps):
         low, high = starts[step], starts[step + 1]
         logs = log_forward[low:high] + log_backward[low:high]
-        weights = np.exp(logs - logs.max())
+        weights = np.exp(logs - _greatest(logs, 0, len(logs)))
         log_forward[low:high] = weights / weights.sum()
     return log_forward
+
+
+@inner_uncounted
+def _greatest(values: NDArray[np.float64], low: int, high: int) -> float:
+    """Greatest of the values from ``low`` to before ``high``."""
+    greatest = -np.inf
+    for i in range(low, high):
+        greatest = max(greatest, values[i])
+    return greatest
 
 
 @inner_uncounted
@@ -91,7 +100,7 @@ def _step_backward(trellis: Trellis, step: int, log_backward: NDArray[np.float64
         log_backward[i] = greatest + math.log(total)
 
     # Only differences matter.
-    log_backward[last:low] -= log_backward[last:low].max()
+    log_backward[last:low] -= _greatest(log_backward, last, low)
 
 
 @jit

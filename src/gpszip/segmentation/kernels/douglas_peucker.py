@@ -47,7 +47,7 @@ def douglas_peucker(t: NDArray[np.float64], p: NDArray[np.float64], k: int) -> N
     Returns
     -------
     int64 array, shape (k + 1,)
-        Boundaries, sorted. The sample of a split starts the interval after it.
+        Boundaries, in no order. The sample of a split starts the interval after it.
     """
     # The entire track is the first interval.
     n = len(t)
@@ -89,7 +89,4 @@ def douglas_peucker(t: NDArray[np.float64], p: NDArray[np.float64], k: int) -> N
             left[entries], right[entries], split[entries] = i, j, farthest
             size = push(keys, items, size, -max_square, entries)
             entries += 1
-
-    # Splits are in order of distance: put them in order of time.
-    boundaries.sort()
     return boundaries

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.kernels.copying import copy_values
 from gpszip.kernels.heap import pop, push
 from gpszip.kernels.jit import inner, inner_uncounted, jit
 
@@ -22,7 +23,7 @@ def _ensure_capacity(values: NDArray[Any], size: int) -> NDArray[Any]:
     if size < len(values):
         return values
     larger = np.empty(2 * len(values), values.dtype)
-    larger[:size] = values[:size]
+    copy_values(values, larger[:size])
     return larger
 
 
@@ -50,7 +51,9 @@ def append_path(
         vertex = before[vertex]
 
     # Reverse it.
-    vertices[first:total] = vertices[first:total][::-1].copy()
+    for i in range((total - first) // 2):
+        j = total - 1 - i
+        vertices[first + i], vertices[j] = vertices[j], vertices[first + i]
     return vertices, total
 
 

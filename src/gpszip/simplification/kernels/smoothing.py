@@ -53,14 +53,14 @@ def simplify_lines(
     for line in range(len(offsets) - 1):
         # Start with the segment between the ends of the line.
         kept[offsets[line]] = kept[offsets[line + 1] - 1] = True
-        stack[0] = offsets[line], offsets[line + 1] - 1
+        stack[0, 0], stack[0, 1] = offsets[line], offsets[line + 1] - 1
         size = 1
 
         # Split segments until every vertex between is within the tolerance.
         while size:
             # Find the vertex farthest from the segment.
             size -= 1
-            first, last = stack[size]
+            first, last = stack[size, 0], stack[size, 1]
             largest, farthest = tolerance, -1
             for i in range(first + 1, last):
                 distance = _distance_to_segment(positions[i], positions[first], positions[last])
@@ -70,7 +70,7 @@ def simplify_lines(
             # Split the segment there.
             if farthest >= 0:
                 kept[farthest] = True
-                stack[size] = first, farthest
-                stack[size + 1] = farthest, last
+                stack[size, 0], stack[size, 1] = first, farthest
+                stack[size + 1, 0], stack[size + 1, 1] = farthest, last
                 size += 2
     return kept

@@ -47,8 +47,13 @@ def thin(area: NDArray[np.bool_], neighbours: NDArray[np.int32]) -> NDArray[np.b
     """
     # Alternate between the subiterations until two in a row remove nothing.
     remaining = area.copy()
-    candidates = np.flatnonzero(remaining)
-    removed = np.empty(len(candidates), np.int64)
+    candidates, found = np.empty(len(area), np.int64), 0
+    for cell in range(len(area)):
+        if area[cell]:
+            candidates[found] = cell
+            found += 1
+    candidates = candidates[:found]
+    removed = np.empty(found, np.int64)
     ring = np.zeros(8, np.bool_)
     idle = 0
     second = False

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.kernels.copying import copy_values
 from gpszip.kernels.jit import inner, inner_uncounted, jit
 
 __all__ = ["select_block_samples", "select_samples"]
@@ -100,7 +101,9 @@ def select_samples(
     # Centre and half extent of the block, in space and time.
     center, scale = np.empty(d), _MIN_SCALE
     for c in range(d):
-        low, high = positions[a:b, c].min(), positions[a:b, c].max()
+        low = high = positions[a, c]
+        for i in range(a + 1, b):
+            low, high = min(low, positions[i, c]), max(high, positions[i, c])
         center[c] = low + (high - low) / 2
         scale = max(scale, (high - low) / 2)
     half_duration = (times[b - 1] - times[a]) / 2
@@ -109,21 +112,28 @@ def select_samples(
     # Add samples; drop one whenever there are too many.
     kept, kept_weights = np.empty(moments + 1, np.int64), np.empty(moments + 1)
     columns, matrix = np.empty((moments, moments + 1)), np.empty((moments, moments + 1))
-    shift = np.empty(moments + 1)
+    shift, p = np.empty(moments + 1), np.empty(d)
     count = 0
     for i in range(a, b):
-        t, p = (times[i] - center_time) / time_scale, (positions[i] - center) / scale
-        _features(t, p, columns[:, count])
+        for c in range(d):
+            p[c] = (positions[i, c] - center[c]) / scale
+        _features((times[i] - center_time) / time_scale, p, columns[:, count])
         kept[count], kept_weights[count] = i, weights[i]
         count += 1
         if count > moments:
-            matrix[:] = columns
+            for row in range(moments):
+                copy_values(columns[row], matrix[row])
             _null_vector(matrix, shift)
             count = _drop_one(kept, kept_weights, columns, shift, count)
 
-    # Put the samples in order of time.
-    order = np.argsort(kept[:count])
-    return kept[:count][order], kept_weights[:count][order]
+    # Put the samples in order of time, by insertion.
+    for q in range(1, count):
+        place, index, weight = q, kept[q], kept_weights[q]
+        while place > 0 and kept[place - 1] > index:
+            kept[place], kept_weights[place] = kept[place - 1], kept_weights[place - 1]
+            place -= 1
+        kept[place], kept_weights[place] = index, weight
+    return kept[:count], kept_weights[:count]
 
 
 @inner
@@ -154,7 +164,7 @@ def _drop_one(
     for q in range(count):
         if kept_weights[q] > 0:
             kept[remaining], kept_weights[remaining] = kept[q], kept_weights[q]
-            columns[:, remaining] = columns[:, q]
+            copy_values(columns[:, q], columns[:, remaining])
             remaining += 1
     return remaining
 
@@ -180,7 +190,7 @@ def select_block_samples(
     count = 0
     for j in range(len(cuts) - 1):
         indices, new_weights = select_samples(times, positions, weights, cuts[j], cuts[j + 1])
-        kept[count : count + len(indices)] = indices
-        kept_weights[count : count + len(indices)] = new_weights
+        copy_values(indices, kept[count : count + len(indices)])
+        copy_values(new_weights, kept_weights[count : count + len(indices)])
         count += len(indices)
     return kept[:count].copy(), kept_weights[:count].copy()
