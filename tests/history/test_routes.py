@@ -43,7 +43,7 @@ def random_history(seed: int) -> History:
 
 def all_paths(history: History, start: Position, goal: Position, cost) -> float:
     """Least cost of all paths without a repeated directed edge, by trying them."""
-    network, rows = history
+    network, rows = history.network, history.traversals
     is_open = np.bincount(rows.directed, minlength=2 * len(network)) > 0
     tails = np.stack([network.starts, network.ends], axis=1).reshape(-1)
     heads = np.stack([network.ends, network.starts], axis=1).reshape(-1)
@@ -77,7 +77,7 @@ def all_paths(history: History, start: Position, goal: Position, cost) -> float:
 @pytest.mark.parametrize("by", ["time", "length", "traversals"])
 def test_routes_cost_the_least_of_all_paths(seed: int, by: str) -> None:
     history, rng = random_history(seed), np.random.default_rng(seed)
-    network, rows = history
+    network, rows = history.network, history.traversals
     times = learn_travel_times(history)
     counts = np.bincount(rows.directed, minlength=2 * len(network))
     rates = {

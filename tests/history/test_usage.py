@@ -87,7 +87,7 @@ def test_local_times_follow_the_zone() -> None:
 
 
 def test_counts_are_those_of_a_loop(van_history: History) -> None:
-    network, rows = van_history
+    network, rows = van_history.network, van_history.traversals
     used = measure_usage(van_history, ["hour"])
     counts: dict[tuple[int, bool, int], list[float]] = {}
     for i in range(len(rows)):
@@ -113,8 +113,8 @@ def test_repeated_shares() -> None:
 
 
 def test_markov_model_is_that_of_a_loop(van_history: History) -> None:
-    network, rows = van_history
-    model = learn_transitions(*van_history)
+    network, rows = van_history.network, van_history.traversals
+    model = learn_transitions(van_history.network, van_history.traversals)
     counts: dict[tuple[int, int], int] = {}
     for i in range(1, len(rows)):
         if not rows.starts[i]:

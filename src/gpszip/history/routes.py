@@ -258,7 +258,7 @@ class _Search:
         self, history: History, by: str, times: TravelTimes | None, depart: float | None
     ) -> None:
         # Which directions are open, and how often they were travelled.
-        self._network, rows = history
+        self._network, rows = history.network, history.traversals
         size = 2 * len(self._network)
         self._counts = np.bincount(rows.directed, minlength=size)
         self._lengths = np.repeat(self._network.lengths, 2)

@@ -233,7 +233,7 @@ def learn_travel_times(history: History, calendar: Calendar | None = None) -> Tr
     from gpszip.history.calendar import choose_calendar
 
     # Traversals of at least half of an edge tell its speed.
-    network, rows = history
+    network, rows = history.network, history.traversals
     calendar = calendar or choose_calendar(network, rows.enter, None)
     told = _told(network, rows, calendar)
     if not np.isfinite(rows.enter).any():

@@ -140,7 +140,8 @@ class Traversals:
         )
 
 
-class History(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class History:
     """The traversals of an archive, and the network whose edges they name.
 
     Parameters
@@ -149,10 +150,13 @@ class History(NamedTuple):
         All edges of the clean map, both ways open.
     traversals : Traversals
         Traversals by all tracks.
+    archive : Archive, optional
+        The archive, whose positions tell stays.
     """
 
     network: Network
     traversals: Traversals
+    archive: Archive | None = None
 
 
 def read_history(archive: Archive) -> History:
@@ -185,7 +189,7 @@ def read_history(archive: Archive) -> History:
     --------
     >>> import gpszip
     >>> track = gpszip.Track("cab", range(40), [[10.0 * abs(t % 20 - 10), 0] for t in range(40)])
-    >>> network, traversals = read_history(gpszip.compress(track, max_error=0.5))
+    >>> traversals = read_history(gpszip.compress(track, max_error=0.5)).traversals
     >>> traversals.edge.tolist(), traversals.forward.tolist()
     ([0, 0, 0, 0], [False, True, False, True])
     >>> traversals.leave.round().tolist()
@@ -203,7 +207,7 @@ def read_history(archive: Archive) -> History:
             path="the archive",
             remedy="select or compress longer tracks, or with a smaller error",
         )
-    return History(network, traversals)
+    return History(network, traversals, archive)
 
 
 def match_traversals(

@@ -115,7 +115,7 @@ def measure_usage(
         If there is no such part or zone, or tracks have no times, which parts need.
     """
     # Refuse what can't be counted.
-    network, rows = history
+    network, rows = history.network, history.traversals
     for part in by:
         if part not in PARTS:
             raise OptionError(

@@ -61,7 +61,8 @@ def plan_route(
     # Places on the map.
     if len(places) < 2:
         raise OptionError("a route needs two places or more")
-    network, rows = history = read_history(archive)
+    history = read_history(archive)
+    network, rows = history.network, history.traversals
     stops = [
         find_position(network, _to_metres(place, network), f"stop {number}")
         for number, place in enumerate(places, 1)

@@ -5,7 +5,8 @@ import pytest
 
 from gpszip.errors import OptionError
 from gpszip.history.traversals import History
-from gpszip.history.unusual.own_trips import _number_spans, score_own_trips
+from gpszip.history.trips import _number_spans, choose_trips, cut_trips
+from gpszip.history.unusual.own_trips import _choose_latest, score_own_trips
 from guard_log import ODD_ROUND, ROUNDS, START, guard_archive, guard_findings
 
 
@@ -34,7 +35,7 @@ def test_where_all_go_one_way_the_next_edge_is_foreseen():
 def test_trips_since_a_time_are_scored_by_those_before(spans):
     history = guard_findings().history
     since = spans[ODD_ROUND - 1][1] - 100.0
-    own = score_own_trips(history, since, spans)
+    own = score_own_trips(history, since, choose_trips(history.traversals, guard_findings().trips))
     assert len(own.unusual) == ROUNDS - ODD_ROUND + 1
     assert own.left_out == ODD_ROUND - 1
     assert own.unusual.ranked[0].start == spans[ODD_ROUND][1]
@@ -43,8 +44,8 @@ def test_trips_since_a_time_are_scored_by_those_before(spans):
 def test_without_spans_trips_end_with_long_stops():
     """An agent stands on the edge at the station, which is the last one of its trip."""
     history = guard_findings().history
-    own = score_own_trips(history)
     rows = history.traversals
+    own = score_own_trips(history, trips=cut_trips(rows))
     assert len(own.unusual) == 1 + int((rows.standing[:-1] >= 300).sum())
     ends = [trip.end for trip in own.unusual.trips]
     assert ends == rows.leave[[*np.flatnonzero(rows.standing[:-1] >= 300), len(rows) - 1]].tolist()
@@ -80,8 +81,14 @@ def test_a_traversal_belongs_to_the_last_span_that_has_some_of_its_time():
 
 
 def test_too_few_trips_and_tracks_without_times_are_refused(spans):
-    network, rows = guard_findings().history
+    network, rows = guard_findings().history.network, guard_findings().history.traversals
     with pytest.raises(OptionError, match="too few trips"):
-        score_own_trips(History(network, rows), spans[-2][1], spans)
+        score_own_trips(History(network, rows), spans[-2][1])
     with pytest.raises(OptionError, match="no track has times"):
         score_own_trips(History(network, rows.take(np.zeros(len(rows), bool))))
+
+
+def test_of_many_trips_the_latest_that_fit_in_are_scored():
+    latest = np.array([3, 1, 0, 2])
+    assert _choose_latest(np.array([4, 50, 1, 5]), latest, 10).tolist() == [True, False, True, True]
+    assert _choose_latest(np.array([40, 50, 30, 60]), latest, 10).tolist() == [0, 0, 1, 0]

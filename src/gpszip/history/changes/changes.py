@@ -191,7 +191,7 @@ def find_changes(
     for name, value in (("false_alarms", false_alarms), ("threshold", threshold)):
         if value is not None and not (value > 0 and np.isfinite(value)):
             raise OptionError(f"{name} is {value:g}; it must be a positive number")
-    network, rows = history
+    network, rows = history.network, history.traversals
     timed = np.isfinite(rows.enter)
     if not timed.any():
         raise OptionError("no track has times, so that nothing is before or after")

@@ -22,6 +22,7 @@ from gpszip.geo.planes import to_geographic
 from gpszip.history.prediction.predictor import Predictor
 from gpszip.history.prediction.read_route import tell_route
 from gpszip.history.traversals import History, Traversals
+from gpszip.history.trips import trips_of_tracks
 from gpszip.history.unusual.absences import find_absences
 from gpszip.history.unusual.log_trips import LogTrip, find_far_samples, list_trips
 from gpszip.history.unusual.pass_index import index_passes
@@ -79,7 +80,7 @@ def find_unusual(
         Each trip with its score and its unusual parts, in the order of the log.
     """
     far = find_far_samples(tracks, network or usual.network)
-    listed = list_trips(tracks, traversals, far)
+    listed = list_trips(tracks, traversals, far, trips_of_tracks(tracks, usual.predictor.trips))
     trips = [
         usual.score(trip, tracks[trip.track].id, traversals, tracks[trip.track].plane)
         for trip in listed
@@ -100,7 +101,7 @@ class Usual:
     """
 
     def __init__(self, history: History, timezone: str | None = None) -> None:
-        self.network, self.rows = history
+        self.network, self.rows = history.network, history.traversals
         rows = self.rows
         self.predictor = Predictor(history, timezone=timezone)
         self.model = self.predictor.model

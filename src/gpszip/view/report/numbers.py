@@ -137,7 +137,7 @@ def _tell_period(found: Findings, archive: Archive, timed: Traversals | None) ->
 
 def _sum_travel(found: Findings, history: History) -> Numbers:
     """All travel together; jumps of the receiver have neither speed nor time."""
-    network, rows = history
+    network, rows = history.network, history.traversals
     jumps = find_jumps(rows)
     moving = np.where(jumps, np.nan, np.maximum(rows.leave - rows.enter - rows.standing, 0.0))
     seconds = float(np.nansum(moving))
@@ -309,7 +309,7 @@ def _speeds_by_hour(calendar: Calendar, timed: Traversals) -> list[Numbers]:
 def _list_edges(history: History) -> list[Numbers]:
     """The edges that are travelled most."""
     # Traversals of half of the edge or more, by direction.
-    network, rows = history
+    network, rows = history.network, history.traversals
     counted = rows.metres >= _MIN_SHARE * network.lengths[rows.edge]
     forward = np.bincount(rows.edge[counted & rows.forward], minlength=len(network))
     backward = np.bincount(rows.edge[counted & ~rows.forward], minlength=len(network))
