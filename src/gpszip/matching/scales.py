@@ -154,6 +154,7 @@ def estimate_scales(
     sigma: float | None = None,
     beta: float | None = None,
     heading: float | None = None,
+    reach: float = math.inf,
 ) -> tuple[Scales, list[Scales]]:
     """Estimate the scales of a log and of each of its tracks.
 
@@ -173,6 +174,8 @@ def estimate_scales(
         The log.
     sigma, beta, heading : float, optional
         Scales that are known.
+    reach : float, default infinite
+        Metres from all roads beyond which a sample is on none.
 
     Returns
     -------
@@ -182,7 +185,7 @@ def estimate_scales(
     # Rounds on a few samples, until the error converges.
     sample = _take_sample(observations, _ROUND_SAMPLES)
     min_error = _min_error(index)
-    scales = _with_known(_guess_scales(index, sample), sigma, beta)
+    scales = _with_known(_guess_scales(index, sample), sigma, beta, reach)
     for _ in range(_MAX_ROUNDS):
         _, residuals = _match_and_measure(index, work, sample, scales)
         total = _sum_all(residuals, _fit_log_mixture(residuals, scales))
@@ -191,7 +194,7 @@ def estimate_scales(
             return scales, [scales] * len(observations)
         last_error = scales.error
         speeds = _measure_speeds(sample, last_error)
-        scales = _with_known(_scales_from(total, speeds, min_error), sigma, beta)
+        scales = _with_known(_scales_from(total, speeds, min_error), sigma, beta, reach)
         if abs(math.log(scales.error / last_error)) < _CONVERGED:
             break
 
@@ -207,7 +210,7 @@ def estimate_scales(
 
     # Scales of the log.
     speeds = _measure_speeds(sample, scales.error)
-    log_scales = _with_known(_scales_from(total, speeds, min_error), sigma, beta)
+    log_scales = _with_known(_scales_from(total, speeds, min_error), sigma, beta, reach)
 
     # Scales of each track, with those of the log as prior.
     prior, log_speeds = total.shrunk(_PRIOR), (log_scales.median_speed, log_scales.max_speed)
@@ -216,7 +219,9 @@ def estimate_scales(
         sums = _sum_on_roads(residual, fit_mixture(residual.strays, mixture, _PRIOR))
         track_speeds = _measure_speeds([observed], log_scales.error)
         speeds = _blend_speeds(track_speeds, log_speeds, sums.paths)
-        scales_of_track = _with_known(_scales_from(sums + prior, speeds, min_error), sigma, beta)
+        scales_of_track = _with_known(
+            _scales_from(sums + prior, speeds, min_error), sigma, beta, reach
+        )
         track_scales.append(replace(scales_of_track, heading=track_heading))
     return replace(log_scales, heading=log_heading), track_scales
 
@@ -230,6 +235,7 @@ def estimate_robust_scales(
     sigma: float | None = None,
     beta: float | None = None,
     heading: float | None = None,
+    reach: float = math.inf,
 ) -> tuple[Scales, list[Scales]]:
     """Estimate scales as :func:`estimate_scales` does, also where a log travels against roads.
 
@@ -243,12 +249,12 @@ def estimate_robust_scales(
         The network.
     opened : RoadIndex or None
         The same with all roads open in both directions; None where they are.
-    work, observations, sigma, beta, heading
+    work, observations, sigma, beta, heading, reach
         As for :func:`estimate_scales`.
     """
     # Without closed directions the first estimate stands.
     log_scales, track_scales = estimate_scales(
-        index, work, observations, sigma=sigma, beta=beta, heading=heading
+        index, work, observations, sigma=sigma, beta=beta, heading=heading, reach=reach
     )
     if opened is None:
         return log_scales, track_scales
@@ -263,7 +269,7 @@ def estimate_robust_scales(
 
     # The same with all roads open.
     log_again, tracks_again = estimate_scales(
-        opened, work, observations, sigma=sigma, beta=beta, heading=heading
+        opened, work, observations, sigma=sigma, beta=beta, heading=heading, reach=reach
     )
     if log_scales.error > _MAX_TO_GUESS * guess_error(index, observations):
         log_scales = log_again
@@ -345,8 +351,9 @@ def _take_slices(observations: Observations, share: float) -> Observations:
     )
 
 
-def _with_known(scales: Scales, sigma: float | None, beta: float | None) -> Scales:
-    """Replace what the user knows; an error is never above the sigma that it makes."""
+def _with_known(scales: Scales, sigma: float | None, beta: float | None, reach: float) -> Scales:
+    """Replace what is known; an error is never above the sigma that it makes."""
+    scales = replace(scales, reach=reach)
     if sigma is not None:
         scales = replace(scales, sigma=sigma, error=min(scales.error, sigma))
     return scales if beta is None else replace(scales, beta=beta)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from gpszip.history.prediction.paths import connect_roads
 from gpszip.history.prediction.predictor import Predictor
 from gpszip.history.prediction.read_route import tell_route
 from gpszip.matching.live import LiveMatcher
+from gpszip.matching.reach import choose_reach
 from gpszip.model import Network
 from gpszip.model.grid import step_size
 from gpszip.model.match import Scales
@@ -124,8 +126,9 @@ def roads_and_scales(archive: Archive, scales: Scales | None) -> tuple[Network, 
 
     # Read the clean map as roads; scales that the user gave need no estimate.
     network = read_network(archive, plane=archive.grid.plane).network
+    reach = choose_reach(network)
     if scales is not None:
-        return network, scales
+        return network, replace(scales, reach=min(scales.reach, reach))
 
     # The grid's step is about the error that the archive keeps.
     error = step_size(archive.grid.space)
@@ -135,5 +138,10 @@ def roads_and_scales(archive: Archive, scales: Scales | None) -> tuple[Network, 
     else:
         median_speed, max_speed = 0.0, math.inf
     return network, Scales(
-        error, _CORRELATED_SAMPLES * error, error, median_speed, _MAX_SPEED_FACTOR * max_speed
+        error,
+        _CORRELATED_SAMPLES * error,
+        error,
+        median_speed,
+        _MAX_SPEED_FACTOR * max_speed,
+        reach=reach,
     )

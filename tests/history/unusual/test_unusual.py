@@ -13,7 +13,7 @@ from gpszip.history.prediction.exits import list_exits
 from gpszip.history.prediction.sequence_model import Passes, train
 from gpszip.history.traversals import History, Traversals
 from gpszip.history.unusual.absences import find_absences
-from gpszip.history.unusual.log_trips import find_far_samples, list_trips
+from gpszip.history.unusual.log_trips import list_trips
 from gpszip.history.unusual.pass_index import index_passes
 from gpszip.history.unusual.route_surprise import surprising_parts, turn_bits
 from gpszip.history.unusual.unusual import Usual, find_unusual
@@ -395,24 +395,3 @@ def test_absences_are_hours_in_which_an_agent_always_travels():
     there = traversals(("a",), np.array([later + 8 * 3600.0]))
     assert not find_absences(traversals(("a",), enter), [log], there, UTC)
     assert not find_absences(traversals(("b",), enter), [log], now, UTC)
-
-
-def test_samples_far_from_all_roads_are_off_the_map_whatever_they_match(known):
-    # A trip of which the last samples leave its roads by kilometres, though it was matched to them.
-    network, rows = known.network, known.traversals
-    route = list(zip(rows.edge[:20].tolist(), rows.forward[:20].tolist(), strict=True))
-    (track,), traversals = as_log(network, [route], FIRST_DAY)
-    away = track.positions.copy()
-    away[15:] += np.arange(3000, 3000 + 300 * (len(away) - 15), 300)[:, None]
-    odd = Track("a", track.times, away)
-    (near,), (far,) = find_far_samples([track], network), find_far_samples([odd], network)
-    assert not near.any()
-    assert far[15:].all()
-    assert not far[:15].any()
-    (trip,) = list_trips([odd], traversals, [far])
-    (part,) = trip.off_map
-    assert (part.start, part.end) == (track.times[15], track.times[-1])
-    steps = np.linalg.norm(np.diff(away[15:], axis=0), axis=1)
-    assert part.metres == pytest.approx(steps.sum())
-    (usual_trip,) = list_trips([track], traversals, [near])
-    assert not usual_trip.off_map
