@@ -67,6 +67,9 @@ _BESIDE = 5.0
 #: Time steps as which the log counts for the scales of a track.
 _PRIOR = 300.0
 
+#: Time steps below which a track has the scales of the log, which count for so many more.
+_MIN_STEPS = 10
+
 #: Largest autocorrelation of errors from time step to time step, so that sigma stays finite.
 _MAX_AUTOCORRELATION = 0.95
 
@@ -216,6 +219,11 @@ def estimate_scales(
     prior, log_speeds = total.shrunk(_PRIOR), (log_scales.median_speed, log_scales.max_speed)
     track_scales = []
     for observed, residual, track_heading in zip(sample, residuals, track_headings, strict=True):
+        if len(residual.errors) < _MIN_STEPS and len(sample) > 1:
+            speed = max(log_scales.max_speed, _fastest_step(observed))
+            own = replace(log_scales, max_speed=speed, heading=track_heading)
+            track_scales.append(own)
+            continue
         sums = _sum_on_roads(residual, fit_mixture(residual.strays, mixture, _PRIOR))
         track_speeds = _measure_speeds([observed], log_scales.error)
         speeds = _blend_speeds(track_speeds, log_speeds, sums.paths)
@@ -408,6 +416,14 @@ def _measure_speeds(observations: Sequence[Observations], error: float) -> tuple
         return 0.0, math.inf
     brisk = float(np.quantile(np.concatenate(calm_speeds), 0.95))
     return float(np.median(pooled)), MAX_SPEED_FACTOR * brisk
+
+
+def _fastest_step(observed: Observations) -> float:
+    """Highest speed of a short track: of each two successive steps, the slower counts."""
+    steps = np.linalg.norm(np.diff(observed.positions, axis=0), axis=1)
+    speeds = (steps / np.diff(observed.times))[~observed.is_gap]
+    calm = np.minimum(speeds[:-1], speeds[1:]) if len(speeds) > 1 else speeds
+    return MAX_SPEED_FACTOR * float(calm.max(initial=0.0))
 
 
 def _blend_speeds(

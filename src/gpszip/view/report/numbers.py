@@ -383,6 +383,7 @@ def _list_unusual(found: Findings) -> Numbers | None:
     return {
         "trips": len(own.unusual),
         "left_out": own.left_out,
+        "usual": own.usual,
         "rows": [
             {
                 "track": trip.track,
