@@ -285,7 +285,7 @@ def _told(network: Network, rows: Traversals, calendar: Calendar) -> _Told:
     """Traversals with times of half of their edge or more, without parking."""
     # Which ones.
     seconds, metres = rows.leave - rows.enter, rows.metres
-    kept = np.isfinite(seconds) & (metres >= _MIN_SHARE * network.lengths[rows.edge])
+    kept = np.isfinite(seconds) & ~rows.jumps & (metres >= _MIN_SHARE * network.lengths[rows.edge])
     kept &= seconds > 0
     chosen = rows.take(kept)
     seconds, metres = seconds[kept], metres[kept]

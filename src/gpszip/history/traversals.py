@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,6 +42,9 @@ _STANDING = 0.1
 
 #: Metres within which a place is passed with a knot: rounding of sums over long logs.
 _SAME_PLACE = 1e-3
+
+#: Metres below which a traversal has no speed: errors are as long.
+_NO_TRAVEL = 1e-3
 
 #: Turning back within this many errors of the match is noise of a receiver.
 _WANDERING = 2.0
@@ -104,6 +108,27 @@ class Traversals:
         """Metres travelled on the edge, shape (n,)."""
         metres: NDArray[np.float64] = np.abs(self.end - self.begin)
         return metres
+
+    @cached_property
+    def speeds(self) -> NDArray[np.float64]:
+        """Speed in m/s without standing, shape (n,), also of jumps; NaN without times or travel."""
+        seconds = self.leave - self.enter - self.standing
+        moved = (self.metres > _NO_TRAVEL) & (seconds > 0)
+        unknown = np.full(len(self), np.nan)
+        speeds: NDArray[np.float64] = np.divide(self.metres, seconds, out=unknown, where=moved)
+        return speeds
+
+    @property
+    def jumps(self) -> NDArray[np.bool_]:
+        """Which ones are jumps of the receiver, by their speed, shape (n,)."""
+        jumps: NDArray[np.bool_] = self.speeds > self.max_speed
+        return jumps
+
+    @property
+    def travelled(self) -> NDArray[np.float64]:
+        """Metres that were travelled, shape (n,): those of jumps were not."""
+        travelled: NDArray[np.float64] = np.where(self.jumps, 0.0, self.metres)
+        return travelled
 
     @property
     def directed(self) -> NDArray[np.int64]:

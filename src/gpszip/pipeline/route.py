@@ -63,8 +63,9 @@ def plan_route(
         raise OptionError("a route needs two places or more")
     history = read_history(archive)
     network, rows = history.network, history.traversals
+    is_open = np.bincount(rows.edge[~rows.jumps], minlength=len(network)) > 0
     stops = [
-        find_position(network, _to_metres(place, network), f"stop {number}")
+        find_position(network, _to_metres(place, network), f"stop {number}", is_open)
         for number, place in enumerate(places, 1)
     ]
 

@@ -30,7 +30,6 @@ from gpszip.history.calendar import choose_calendar
 from gpszip.history.changes.closures import Closures, choose_threshold, find_closures
 from gpszip.history.travel_time import learn_travel_times
 from gpszip.history.traversals import History, Traversals
-from gpszip.history.usage import find_jumps
 from gpszip.model import Network
 from gpszip.model.text import count_text
 
@@ -341,7 +340,7 @@ def _speeds(both: _Both, threshold: float) -> list[Change]:
     calendar = choose_calendar(network, rows.enter, None)
     seconds = rows.leave - rows.enter - rows.standing
     whole = (rows.metres >= _MIN_SHARE * network.lengths[rows.edge]) & (seconds > 0)
-    whole &= ~find_jumps(rows)
+    whole &= ~rows.jumps
     if not whole[~after].any():
         return []
     times = learn_travel_times(History(network, rows.take(~after)), calendar)
