@@ -21,7 +21,7 @@ from gpszip.matching.parameters import MAX_SPEED_FACTOR, search_radius
 from gpszip.matching.viterbi import Observations, ViterbiPath, find_viterbi_path
 from gpszip.model.match import Scales
 
-__all__ = ["estimate_robust_scales", "estimate_scales", "guess_error"]
+__all__ = ["MAX_SAMPLES", "estimate_robust_scales", "estimate_scales", "guess_error"]
 
 #: Most rounds of matching and measuring on a few samples, before one on many. Two or three are
 #: enough, but where an agent stands beside the roads for hours the first guess is far too large.
@@ -33,8 +33,8 @@ _CONVERGED = 0.2
 #: Samples that each round looks at.
 _ROUND_SAMPLES = 10_000
 
-#: Samples that the last round looks at.
-_LAST_SAMPLES = 100_000
+#: Samples that the last round looks at, unless others are asked for.
+MAX_SAMPLES = 100_000
 
 #: Least samples of each track that a round looks at.
 _MIN_TRACK_SAMPLES = 30
@@ -158,6 +158,7 @@ def estimate_scales(
     beta: float | None = None,
     heading: float | None = None,
     reach: float = math.inf,
+    samples: int = MAX_SAMPLES,
 ) -> tuple[Scales, list[Scales]]:
     """Estimate the scales of a log and of each of its tracks.
 
@@ -179,6 +180,8 @@ def estimate_scales(
         Scales that are known.
     reach : float, default infinite
         Metres from all roads beyond which a sample is on none.
+    samples : int
+        Samples that the last round looks at.
 
     Returns
     -------
@@ -202,7 +205,7 @@ def estimate_scales(
             break
 
     # One round on many samples.
-    sample = _take_sample(observations, _LAST_SAMPLES)
+    sample = _take_sample(observations, samples)
     paths, residuals = _match_and_measure(index, work, sample, scales)
     mixture = _fit_log_mixture(residuals, scales)
     total = _sum_all(residuals, mixture)
@@ -244,6 +247,7 @@ def estimate_robust_scales(
     beta: float | None = None,
     heading: float | None = None,
     reach: float = math.inf,
+    samples: int = MAX_SAMPLES,
 ) -> tuple[Scales, list[Scales]]:
     """Estimate scales as :func:`estimate_scales` does, also where a log travels against roads.
 
@@ -257,12 +261,19 @@ def estimate_robust_scales(
         The network.
     opened : RoadIndex or None
         The same with all roads open in both directions; None where they are.
-    work, observations, sigma, beta, heading, reach
+    work, observations, sigma, beta, heading, reach, samples
         As for :func:`estimate_scales`.
     """
     # Without closed directions the first estimate stands.
     log_scales, track_scales = estimate_scales(
-        index, work, observations, sigma=sigma, beta=beta, heading=heading, reach=reach
+        index,
+        work,
+        observations,
+        sigma=sigma,
+        beta=beta,
+        heading=heading,
+        reach=reach,
+        samples=samples,
     )
     if opened is None:
         return log_scales, track_scales
@@ -277,7 +288,14 @@ def estimate_robust_scales(
 
     # The same with all roads open.
     log_again, tracks_again = estimate_scales(
-        opened, work, observations, sigma=sigma, beta=beta, heading=heading, reach=reach
+        opened,
+        work,
+        observations,
+        sigma=sigma,
+        beta=beta,
+        heading=heading,
+        reach=reach,
+        samples=samples,
     )
     if log_scales.error > _MAX_TO_GUESS * guess_error(index, observations):
         log_scales = log_again
