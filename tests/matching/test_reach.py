@@ -62,17 +62,14 @@ def test_a_stretch_beside_all_edges_is_off_the_map(street):
 
 
 def test_reach_is_that_of_the_errors_of_map_and_log(street):
-    network, scales = roads_and_scales(street, None)
+    network, _ = roads_and_scales(street, None)
     assert 1 < network.error < 5
-    assert scales.reach == pytest.approx(6 * math.sqrt(2) * network.error)
     assert choose_reach(network, 40.0) == pytest.approx(6 * math.hypot(network.error, 40.0))
     assert choose_reach(replace(network, error=None)) == math.inf
 
 
-def test_noise_of_sparse_samples_is_not_told_by_their_turns():
+def test_noise_is_that_of_positions():
     rng = np.random.default_rng(4)
     dense = np.cumsum(rng.normal(1.0, 0.01, (900, 2)), axis=0) + rng.normal(0, 8, (900, 2))
-    sparse = np.cumsum(rng.normal(0, 300, (900, 2)), axis=0)
-    for positions, noise in ((dense, 8 * math.sqrt(2)), (sparse, 5.0)):
-        observed = Observations(positions, np.arange(900.0), np.zeros(899, bool), 0 * positions)
-        assert log_noise([observed], 5.0) == pytest.approx(noise, rel=0.1)
+    observed = Observations(dense, np.arange(900.0), np.zeros(899, bool), 0 * dense)
+    assert log_noise([observed]) == pytest.approx(8 * math.sqrt(2), rel=0.1)

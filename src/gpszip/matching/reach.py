@@ -25,31 +25,17 @@ _REACH = 6.0
 #: Metres by which receivers err for minutes, which noise doesn't show.
 _RECEIVER_ERROR = 10.0
 
-#: Correlation of successive steps below which they are noise rather than travel.
-_NOISE_CORRELATION = -0.25
 
-
-def log_noise(observations: Sequence[Observations], error: float) -> float:
-    """Noise of a log in metres, as far as its samples tell it.
-
-    Steps of noise turn back: the correlation of each with the next is -1/2. Where travel is longer
-    than noise, turns look like noise, and it is taken to be no larger than the error of the map.
+def log_noise(observations: Sequence[Observations]) -> float:
+    """Noise of a log in metres, at most: turns of sparse samples look like noise, too.
 
     Parameters
     ----------
     observations : sequence of Observations
         The log.
-    error : float
-        Error of the map in metres.
     """
-    noises = []
-    for observed in observations:
-        noise = math.sqrt(2) * estimate_noise(observed.positions[:, :2], observed.is_gap)
-        steps = np.diff(observed.positions, axis=0)[~observed.is_gap]
-        turned = float((steps[1:] * steps[:-1]).sum())
-        is_noise = turned < _NOISE_CORRELATION * float((steps**2).sum())
-        noises.append(noise if is_noise else min(noise, error))
-    return float(np.median(noises))
+    noises = [estimate_noise(each.positions[:, :2], each.is_gap) for each in observations]
+    return math.sqrt(2) * float(np.median(noises))
 
 
 def choose_reach(network: Network, noise: float | None = None) -> float:
@@ -77,4 +63,4 @@ def reach_of_log(network: Network, observations: Sequence[Observations]) -> floa
     """Metres from all edges of a map within which the agents of a log may be on one."""
     if network.error is None:
         return math.inf
-    return choose_reach(network, log_noise(observations, network.error))
+    return choose_reach(network, log_noise(observations))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from gpszip.history.prediction.paths import connect_roads
 from gpszip.history.prediction.predictor import Predictor
 from gpszip.history.prediction.read_route import tell_route
 from gpszip.matching.live import LiveMatcher
-from gpszip.matching.reach import choose_reach
 from gpszip.model import Network
 from gpszip.model.grid import step_size
 from gpszip.model.match import Scales
@@ -126,9 +124,8 @@ def roads_and_scales(archive: Archive, scales: Scales | None) -> tuple[Network, 
 
     # Read the clean map as roads; scales that the user gave need no estimate.
     network = read_network(archive, plane=archive.grid.plane).network
-    reach = choose_reach(network)
     if scales is not None:
-        return network, replace(scales, reach=min(scales.reach, reach))
+        return network, scales
 
     # The grid's step is about the error that the archive keeps.
     error = step_size(archive.grid.space)
@@ -143,5 +140,4 @@ def roads_and_scales(archive: Archive, scales: Scales | None) -> tuple[Network, 
         error,
         median_speed,
         _MAX_SPEED_FACTOR * max_speed,
-        reach=reach,
     )
