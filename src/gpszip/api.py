@@ -768,8 +768,8 @@ def trips(
     >>> found.matrix, round(found.trips[0].length)
     ({(1, 2): 1}, 5000)
     """
+    from gpszip.history.stays.find import trips_of_archive, trips_of_log
     from gpszip.history.stays.values import Settings
-    from gpszip.pipeline.trips import trips_of_archive, trips_of_log
 
     # An archive.
     settings = Settings(min_stay, max_pause, radius)
@@ -1009,8 +1009,7 @@ def unusual(
 
     Scores are bits: each doubles the surprise. They add up what the strangest part of the trip's
     route takes (rare turns, another way than usual, wrong directions), travel off the map, and
-    paces and stops that one of thousands has. A trip ends with a gap or a stop of five minutes or
-    more.
+    paces and stops that one of thousands has. Trips are those of :func:`trips`.
 
     Parameters
     ----------

@@ -1,6 +1,7 @@
 """Routes over learned maps: against plain searches, by hours, in open directions, and errors."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -43,7 +44,7 @@ def random_history(seed: int) -> History:
 
 def all_paths(history: History, start: Position, goal: Position, cost) -> float:
     """Least cost of all paths without a repeated directed edge, by trying them."""
-    network, rows = history
+    network, rows = history.network, history.traversals
     is_open = np.bincount(rows.directed, minlength=2 * len(network)) > 0
     tails = np.stack([network.starts, network.ends], axis=1).reshape(-1)
     heads = np.stack([network.ends, network.starts], axis=1).reshape(-1)
@@ -77,7 +78,7 @@ def all_paths(history: History, start: Position, goal: Position, cost) -> float:
 @pytest.mark.parametrize("by", ["time", "length", "traversals"])
 def test_routes_cost_the_least_of_all_paths(seed: int, by: str) -> None:
     history, rng = random_history(seed), np.random.default_rng(seed)
-    network, rows = history
+    network, rows = history.network, history.traversals
     times = learn_travel_times(history)
     counts = np.bincount(rows.directed, minlength=2 * len(network))
     rates = {
@@ -168,6 +169,15 @@ def test_nobody_went_there() -> None:
         find_routes(history, [Position(2, 0.0, 0.0)] * 2)
 
 
+def test_no_route_takes_a_jump() -> None:
+    history = random_history(0)
+    stops, rows = [Position(0, 50.0, 0.0), Position(11, 50.0, 0.0)], history.traversals
+    assert find_routes(history, stops, by="length")[0].edges.tolist() == [0, 2, 5, 11]
+    leave = np.where(rows.edge == 5, rows.enter + 0.1, rows.leave)
+    jumpy = History(history.network, replace(rows, leave=leave, max_speed=60.0))
+    assert find_routes(jumpy, stops, by="length")[0].edges.tolist() == [0, 3, 9, 11]
+
+
 def test_positions() -> None:
     network = grid()
     rng = np.random.default_rng(1)
@@ -178,6 +188,9 @@ def test_positions() -> None:
         each = [(1 - share) * network.road(e)[0] + share * network.road(e)[1] for e in range(24)]
         distance = np.linalg.norm(np.stack(each) - place, axis=2)
         assert found.distance == pytest.approx(distance.min(), abs=0.3)
+    # On an edge that only jumps took, nobody is.
+    is_open = np.arange(24) != found.edge
+    assert find_position(network, place, open_edges=is_open).edge != found.edge
     with pytest.raises(OptionError, match="stop 2 is 700 m from the map"):
         find_position(network, [1000.0, 0.0], "stop 2")
 

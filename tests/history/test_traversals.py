@@ -27,7 +27,7 @@ def crossings(history: History, track: int) -> np.ndarray:
 def test_vehicles_are_at_nodes_when_traversals_meet(
     vans: LogWithTruth, van_history: History
 ) -> None:
-    network, rows = van_history
+    network, rows = van_history.network, van_history.traversals
     first, _ = ends_of(van_history)
     for number, walk in enumerate(vans.walks):
         passes = crossings(van_history, number)
@@ -74,7 +74,7 @@ def common_length(first: list[int], second: list[int]) -> int:
 
 
 def test_traversals_go_on_from_each_other(van_history: History) -> None:
-    network, rows = van_history
+    network, rows = van_history.network, van_history.traversals
     first, last = ends_of(van_history)
     length = network.lengths[rows.edge]
     at = rows.follows
@@ -135,7 +135,8 @@ def test_numbers_do_not_depend_on_the_log(van_archive: gpszip.Archive) -> None:
     )
     rome = gpszip.Track("b", berlin.times, berlin.positions + np.array([1e6, 0.0]))
     archive = gpszip.compress([berlin, rome], max_error=2.0)
-    network, rows = read_history(archive)
+    history = read_history(archive)
+    network, rows = history.network, history.traversals
     (matched,) = gpszip.match(rome, archive)
     assert len(network) == 2
     assert set(matched.edge.tolist()) == set(rows.edge[rows.track == 1].tolist())
@@ -147,7 +148,7 @@ def test_parked_vehicle_is_one_traversal() -> None:
     x = np.concatenate([np.linspace(0, 200, 40), np.full(300, 200.0), np.linspace(200, 400, 40)])
     positions = np.stack([x, np.zeros(len(x))], axis=1) + rng.normal(0, 2, (len(x), 2))
     track = gpszip.Track("van", np.arange(len(x)) * 2.0, positions)
-    _, rows = read_history(gpszip.compress([track], rmse=2.0, effort=1))
+    rows = read_history(gpszip.compress([track], rmse=2.0, effort=1)).traversals
     assert len(rows) == 1
     assert rows.leave[0] - rows.enter[0] > 740
     assert 500 < rows.standing[0] < 700
@@ -155,7 +156,7 @@ def test_parked_vehicle_is_one_traversal() -> None:
 
 def test_tracks_without_times_have_none() -> None:
     shape = gpszip.Track("plan", [0, 50, 100], [[0, 0], [50, 0], [100, 0]], timed=False)
-    _, rows = read_history(gpszip.compress([shape], max_error=1.0))
+    rows = read_history(gpszip.compress([shape], max_error=1.0)).traversals
     assert len(rows) >= 1
     assert np.isnan([rows.enter, rows.leave, rows.standing]).all()
 

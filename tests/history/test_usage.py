@@ -12,8 +12,9 @@ from gpszip.errors import OptionError
 from gpszip.history.agents import cluster_values
 from gpszip.history.calendar import Calendar
 from gpszip.history.transitions import learn_transitions
+from gpszip.history.travel_time import learn_travel_times
 from gpszip.history.traversals import History
-from gpszip.history.usage import find_jumps, measure_usage, traversal_speeds
+from gpszip.history.usage import measure_usage, traversal_speeds
 from history_rows import drives, street
 
 #: A Monday at midnight, UTC.
@@ -53,7 +54,7 @@ def test_jumps_of_the_receiver_have_no_speed() -> None:
             if field.name not in {"ids", "max_speed"}
         },
     )
-    assert find_jumps(both).tolist() == [False] * 10 + [True]
+    assert both.jumps.tolist() == [False] * 10 + [True]
     speeds = traversal_speeds(both)
     assert speeds[:10] == pytest.approx(10.0)
     assert np.isnan(speeds[10])
@@ -62,7 +63,12 @@ def test_jumps_of_the_receiver_have_no_speed() -> None:
     used = measure_usage(History(street(), both), by=())
     assert used["traversals"].tolist() == [10, 1]
     np.testing.assert_allclose(used["speed"], [10.0, np.nan])
-    assert find_jumps(both.take(np.array([10]))).all()
+    # Nobody travelled their metres, and they take no time.
+    assert used["metres"].tolist() == [1000.0, 0.0]
+    np.testing.assert_allclose(used["duration"], [10.0, np.nan])
+    seconds = learn_travel_times(History(street(), both)).seconds([1], [True])
+    assert seconds == pytest.approx(10.0, rel=0.1)
+    assert both.take(np.array([10])).jumps.all()
 
 
 def test_parts_are_local() -> None:
@@ -87,7 +93,7 @@ def test_local_times_follow_the_zone() -> None:
 
 
 def test_counts_are_those_of_a_loop(van_history: History) -> None:
-    network, rows = van_history
+    network, rows = van_history.network, van_history.traversals
     used = measure_usage(van_history, ["hour"])
     counts: dict[tuple[int, bool, int], list[float]] = {}
     for i in range(len(rows)):
@@ -113,8 +119,8 @@ def test_repeated_shares() -> None:
 
 
 def test_markov_model_is_that_of_a_loop(van_history: History) -> None:
-    network, rows = van_history
-    model = learn_transitions(*van_history)
+    network, rows = van_history.network, van_history.traversals
+    model = learn_transitions(van_history.network, van_history.traversals)
     counts: dict[tuple[int, int], int] = {}
     for i in range(1, len(rows)):
         if not rows.starts[i]:

@@ -379,7 +379,7 @@ def _places_to_hide(archive: Archive) -> NDArray[np.float64]:
     from gpszip.cli.output import print_status
     from gpszip.cli.units import format_count
     from gpszip.errors import OptionError
-    from gpszip.pipeline.trips import places_of_archive
+    from gpszip.history.stays.find import places_of_archive
 
     # Whoever shares what is left must know what was not hidden.
     if not archive.timed:

@@ -632,7 +632,8 @@ _REPORT_PARTS: Fields = {
     "unusual": _or_null(
         {
             "trips": "integer: trips that were scored",
-            "left_out": "integer: those that were not",
+            "left_out": "integer: those before since",
+            "usual": "integer: those of very many that a first look found to be usual",
             "rows": _list(
                 _object(
                     {

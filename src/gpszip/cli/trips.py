@@ -193,8 +193,8 @@ def _find(
 ) -> tuple[Trips, ReadResult | None]:
     """Open an archive or read logs, and find their trips."""
     from gpszip.cli.archives import explain_corruption, open_archive_bytes, read_archive_bytes
+    from gpszip.history.stays.find import trips_of_archive, trips_of_log
     from gpszip.io.logs.read import read_logs
-    from gpszip.pipeline.trips import trips_of_archive, trips_of_log
 
     # An archive alone; standard input is known by its content, too.
     stdin = sys.stdin.buffer.read() if "-" in sources else b""

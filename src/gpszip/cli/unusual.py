@@ -101,8 +101,8 @@ def command(
     """Tell how unusual the trips of a log are, given an archive of earlier trips.
 
     Scores are bits: each doubles the surprise. They count rare turns, other ways than usual, wrong
-    directions, travel off the map, unusual paces and stops. A trip ends with a gap or a stop of
-    five minutes. Agents that don't travel when they always do are named, too; they are known by the
+    directions, travel off the map, unusual paces and stops. Trips are those of gpszip trips.
+    Agents that don't travel when they always do are named, too; they are known by the
     names of their tracks.
     """
     from gpszip.cli.archives import explain_corruption, open_archive_bytes, read_archive_bytes

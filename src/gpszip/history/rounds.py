@@ -170,7 +170,7 @@ def find_rounds(history: History, since: float | None = None) -> Rounds:
 
 def _list_travel(history: History) -> _Travel:
     # An agent that stops on an edge, or turns back there, reaches no node.
-    network, traversals = history
+    network, traversals = history.network, history.traversals
     lengths = network.lengths
     own_length = lengths[traversals.edge]
     missing = np.abs(traversals.end - np.where(traversals.forward, own_length, 0.0))

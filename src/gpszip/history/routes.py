@@ -116,7 +116,12 @@ class PlannedRoute:
         return float(self.lengths.sum())
 
 
-def find_position(network: Network, place: ArrayLike, what: str = "the place") -> Position:
+def find_position(
+    network: Network,
+    place: ArrayLike,
+    what: str = "the place",
+    open_edges: NDArray[np.bool_] | None = None,
+) -> Position:
     """The position on the map nearest to a place.
 
     Parameters
@@ -127,6 +132,8 @@ def find_position(network: Network, place: ArrayLike, what: str = "the place") -
         Metres on the plane of the network.
     what : str
         What to call the place in an error.
+    open_edges : bool array, shape (E,), optional
+        Edges on which it may lie; by default all.
 
     Raises
     ------
@@ -148,6 +155,9 @@ def find_position(network: Network, place: ArrayLike, what: str = "the place") -
     square = np.maximum((step**2).sum(axis=1), 1e-12)
     share = np.clip(((here - begin) * step).sum(axis=1) / square, 0.0, 1.0)
     distance = np.linalg.norm(begin + share[:, None] * step - here, axis=1)
+    if open_edges is not None:
+        edges = np.searchsorted(network.offsets, first, side="right") - 1
+        distance = np.where(open_edges[edges], distance, np.inf)
     best = int(distance.argmin())
 
     # Refuse what is off the map.
@@ -257,10 +267,10 @@ class _Search:
     def __init__(
         self, history: History, by: str, times: TravelTimes | None, depart: float | None
     ) -> None:
-        # Which directions are open, and how often they were travelled.
-        self._network, rows = history
+        # Which directions are open, and how often they were travelled: nobody travels a jump.
+        self._network, rows = history.network, history.traversals
         size = 2 * len(self._network)
-        self._counts = np.bincount(rows.directed, minlength=size)
+        self._counts = np.bincount(rows.directed[~rows.jumps], minlength=size)
         self._lengths = np.repeat(self._network.lengths, 2)
         self._by, self._times, self._depart = by, times, depart
         self._local = (

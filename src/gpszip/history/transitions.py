@@ -120,7 +120,8 @@ def learn_transitions(
     >>> import gpszip
     >>> from gpszip.history.traversals import read_history
     >>> ring = gpszip.testing.ring(4, laps=5)
-    >>> model = learn_transitions(*read_history(gpszip.compress(ring.tracks, max_error=5)))
+    >>> history = read_history(gpszip.compress(ring.tracks, max_error=5))
+    >>> model = learn_transitions(history.network, history.traversals)
     >>> bool((model.probabilities > 0.7).all())
     True
     """

@@ -233,7 +233,7 @@ def learn_travel_times(history: History, calendar: Calendar | None = None) -> Tr
     from gpszip.history.calendar import choose_calendar
 
     # Traversals of at least half of an edge tell its speed.
-    network, rows = history
+    network, rows = history.network, history.traversals
     calendar = calendar or choose_calendar(network, rows.enter, None)
     told = _told(network, rows, calendar)
     if not np.isfinite(rows.enter).any():
@@ -285,7 +285,7 @@ def _told(network: Network, rows: Traversals, calendar: Calendar) -> _Told:
     """Traversals with times of half of their edge or more, without parking."""
     # Which ones.
     seconds, metres = rows.leave - rows.enter, rows.metres
-    kept = np.isfinite(seconds) & (metres >= _MIN_SHARE * network.lengths[rows.edge])
+    kept = np.isfinite(seconds) & ~rows.jumps & (metres >= _MIN_SHARE * network.lengths[rows.edge])
     kept &= seconds > 0
     chosen = rows.take(kept)
     seconds, metres = seconds[kept], metres[kept]

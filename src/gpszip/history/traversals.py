@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,6 +42,9 @@ _STANDING = 0.1
 
 #: Metres within which a place is passed with a knot: rounding of sums over long logs.
 _SAME_PLACE = 1e-3
+
+#: Metres below which a traversal has no speed: errors are as long.
+_NO_TRAVEL = 1e-3
 
 #: Turning back within this many errors of the match is noise of a receiver.
 _WANDERING = 2.0
@@ -105,6 +109,27 @@ class Traversals:
         metres: NDArray[np.float64] = np.abs(self.end - self.begin)
         return metres
 
+    @cached_property
+    def speeds(self) -> NDArray[np.float64]:
+        """Speed in m/s without standing, shape (n,), also of jumps; NaN without times or travel."""
+        seconds = self.leave - self.enter - self.standing
+        moved = (self.metres > _NO_TRAVEL) & (seconds > 0)
+        unknown = np.full(len(self), np.nan)
+        speeds: NDArray[np.float64] = np.divide(self.metres, seconds, out=unknown, where=moved)
+        return speeds
+
+    @property
+    def jumps(self) -> NDArray[np.bool_]:
+        """Which ones are jumps of the receiver, by their speed, shape (n,)."""
+        jumps: NDArray[np.bool_] = self.speeds > self.max_speed
+        return jumps
+
+    @property
+    def travelled(self) -> NDArray[np.float64]:
+        """Metres that were travelled, shape (n,): those of jumps were not."""
+        travelled: NDArray[np.float64] = np.where(self.jumps, 0.0, self.metres)
+        return travelled
+
     @property
     def directed(self) -> NDArray[np.int64]:
         """One number for edge and direction, shape (n,): ``2 * edge``, plus 1 where backward."""
@@ -140,7 +165,8 @@ class Traversals:
         )
 
 
-class History(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class History:
     """The traversals of an archive, and the network whose edges they name.
 
     Parameters
@@ -149,10 +175,13 @@ class History(NamedTuple):
         All edges of the clean map, both ways open.
     traversals : Traversals
         Traversals by all tracks.
+    archive : Archive, optional
+        The archive, whose positions tell stays.
     """
 
     network: Network
     traversals: Traversals
+    archive: Archive | None = None
 
 
 def read_history(archive: Archive) -> History:
@@ -185,7 +214,7 @@ def read_history(archive: Archive) -> History:
     --------
     >>> import gpszip
     >>> track = gpszip.Track("cab", range(40), [[10.0 * abs(t % 20 - 10), 0] for t in range(40)])
-    >>> network, traversals = read_history(gpszip.compress(track, max_error=0.5))
+    >>> traversals = read_history(gpszip.compress(track, max_error=0.5)).traversals
     >>> traversals.edge.tolist(), traversals.forward.tolist()
     ([0, 0, 0, 0], [False, True, False, True])
     >>> traversals.leave.round().tolist()
@@ -203,7 +232,7 @@ def read_history(archive: Archive) -> History:
             path="the archive",
             remedy="select or compress longer tracks, or with a smaller error",
         )
-    return History(network, traversals)
+    return History(network, traversals, archive)
 
 
 def match_traversals(

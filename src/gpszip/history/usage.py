@@ -19,13 +19,10 @@ from gpszip.model import Network
 from gpszip.model.text import count_text
 from gpszip.simplification.traversals import grouped_quantiles
 
-__all__ = ["Usage", "find_jumps", "measure_usage", "traversal_speeds"]
+__all__ = ["Usage", "measure_usage", "traversal_speeds"]
 
 #: Share of an edge that a traversal takes to count as one.
 _MIN_SHARE = 0.5
-
-#: Metres below which a traversal has no speed: errors are as long.
-_MIN_METRES = 1e-3
 
 Floats = NDArray[np.float64]
 
@@ -115,7 +112,7 @@ def measure_usage(
         If there is no such part or zone, or tracks have no times, which parts need.
     """
     # Refuse what can't be counted.
-    network, rows = history
+    network, rows = history.network, history.traversals
     for part in by:
         if part not in PARTS:
             raise OptionError(
@@ -166,20 +163,7 @@ def traversal_speeds(rows: Traversals) -> Floats:
 
     A jump is faster than the ``max_speed`` of the traversals: an error of the receiver.
     """
-    speeds = _raw_speeds(rows)
-    return np.where(speeds > rows.max_speed, np.nan, speeds)
-
-
-def find_jumps(rows: Traversals) -> NDArray[np.bool_]:
-    """Which traversals are jumps of the receiver, by their speed, shape (n,)."""
-    return _raw_speeds(rows) > rows.max_speed
-
-
-def _raw_speeds(rows: Traversals) -> Floats:
-    seconds = rows.leave - rows.enter - rows.standing
-    moved = (rows.metres > _MIN_METRES) & (seconds > 0)
-    speeds: Floats = np.divide(rows.metres, seconds, out=np.full(len(rows), np.nan), where=moved)
-    return speeds
+    return np.where(rows.jumps, np.nan, rows.speeds)
 
 
 def _measure_groups(
@@ -192,7 +176,8 @@ def _measure_groups(
     tracks = np.unique(np.stack([group, rows.track.astype(np.int64)]), axis=1)[0]
 
     # Speeds and durations.
-    speeds, seconds = traversal_speeds(rows), rows.leave - rows.enter
+    speeds = traversal_speeds(rows)
+    seconds = np.where(rows.jumps, np.nan, rows.leave - rows.enter)
     quartiles = grouped_quantiles(*_known(group, speeds, metres), count, (0.25, 0.5, 0.75))
     durations = np.where(counted, seconds, np.nan)
     median = grouped_quantiles(*_known(group, durations, np.ones(len(rows))), count, (0.5,))
@@ -204,7 +189,7 @@ def _measure_groups(
     return {
         "traversals": np.bincount(group[counted], minlength=count),
         "tracks": np.bincount(tracks, minlength=count),
-        "metres": sum_by(group, metres, count),
+        "metres": sum_by(group, rows.travelled, count),
         "speed": quartiles[:, 1],
         "speed_q1": quartiles[:, 0],
         "speed_q3": quartiles[:, 2],
@@ -231,7 +216,7 @@ def _repeated_share(rows: Traversals, *, by_track: bool) -> float:
     if by_track:
         key = key * len(rows.ids) + rows.track[order]
     first = np.unique(key, return_index=True)[1]
-    metres = rows.metres[order]
+    metres = rows.travelled[order]
     total = float(metres.sum())
     # Sums in another order may differ in their last digits.
     return max(1.0 - float(metres[first].sum()) / total, 0.0) if total else 0.0

@@ -22,12 +22,16 @@ from gpszip.matching.index import RoadIndex, create_workspace, index_network, op
 from gpszip.matching.one_way import remove_wrong_way_travel
 from gpszip.matching.outliers import reinsert_outliers, remove_samples
 from gpszip.matching.parameters import MIN_GAP
-from gpszip.matching.scales import estimate_robust_scales, guess_error
+from gpszip.matching.reach import reach_of_log
+from gpszip.matching.scales import MAX_SAMPLES, estimate_robust_scales, guess_error
 from gpszip.matching.viterbi import Observations, find_viterbi_path
 from gpszip.model import Network, Track
 from gpszip.model.match import Match, Matching
 
 __all__ = ["match", "with_nominal_times"]
+
+#: Knots of an archive from which scales are estimated: each tells as much as many samples.
+_KNOTS = 20_000
 
 #: Speed in m/s at which a track without times is travelled. Any number does, since speeds are only
 #: compared with each other.
@@ -137,11 +141,22 @@ def match(
         for track in tracks
     ]
     observations, windows = _prepare_tracks(tracks, outliers, index, gap, are_knots)
+    reach = math.inf
+    if sigma is None and not are_knots:
+        reach = reach_of_log(index.network, observations)
 
     # 2. scales of the log and of each track
     work = create_workspace(index)
     log_scales, track_scales = estimate_robust_scales(
-        index, opened, work, observations, sigma=sigma, beta=beta, heading=heading
+        index,
+        opened,
+        work,
+        observations,
+        sigma=sigma,
+        beta=beta,
+        heading=heading,
+        reach=reach,
+        samples=_KNOTS if are_knots else MAX_SAMPLES,
     )
     log_scales = replace(log_scales, averaging_window=sorted(windows)[len(windows) // 2])
     track_scales = [

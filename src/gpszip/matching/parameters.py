@@ -71,7 +71,7 @@ def min_spacing(scales: Scales) -> float:
 
 def search_radius(scales: Scales) -> float:
     """Metres within which roads are candidates."""
-    return _SEARCH_RADIUS * scales.error
+    return min(_SEARCH_RADIUS * scales.error, scales.reach)
 
 
 def backward_tolerance(scales: Scales) -> float:

@@ -21,7 +21,7 @@ from gpszip.matching.parameters import MAX_SPEED_FACTOR, search_radius
 from gpszip.matching.viterbi import Observations, ViterbiPath, find_viterbi_path
 from gpszip.model.match import Scales
 
-__all__ = ["estimate_robust_scales", "estimate_scales", "guess_error"]
+__all__ = ["MAX_SAMPLES", "estimate_robust_scales", "estimate_scales", "guess_error"]
 
 #: Most rounds of matching and measuring on a few samples, before one on many. Two or three are
 #: enough, but where an agent stands beside the roads for hours the first guess is far too large.
@@ -33,8 +33,8 @@ _CONVERGED = 0.2
 #: Samples that each round looks at.
 _ROUND_SAMPLES = 10_000
 
-#: Samples that the last round looks at.
-_LAST_SAMPLES = 100_000
+#: Samples that the last round looks at, unless others are asked for.
+MAX_SAMPLES = 100_000
 
 #: Least samples of each track that a round looks at.
 _MIN_TRACK_SAMPLES = 30
@@ -66,6 +66,9 @@ _BESIDE = 5.0
 
 #: Time steps as which the log counts for the scales of a track.
 _PRIOR = 300.0
+
+#: Time steps below which a track has the scales of the log, which count for so many more.
+_MIN_STEPS = 10
 
 #: Largest autocorrelation of errors from time step to time step, so that sigma stays finite.
 _MAX_AUTOCORRELATION = 0.95
@@ -154,6 +157,8 @@ def estimate_scales(
     sigma: float | None = None,
     beta: float | None = None,
     heading: float | None = None,
+    reach: float = math.inf,
+    samples: int = MAX_SAMPLES,
 ) -> tuple[Scales, list[Scales]]:
     """Estimate the scales of a log and of each of its tracks.
 
@@ -173,6 +178,10 @@ def estimate_scales(
         The log.
     sigma, beta, heading : float, optional
         Scales that are known.
+    reach : float, default infinite
+        Metres from all roads beyond which a sample is on none.
+    samples : int
+        Samples that the last round looks at.
 
     Returns
     -------
@@ -182,7 +191,7 @@ def estimate_scales(
     # Rounds on a few samples, until the error converges.
     sample = _take_sample(observations, _ROUND_SAMPLES)
     min_error = _min_error(index)
-    scales = _with_known(_guess_scales(index, sample), sigma, beta)
+    scales = _with_known(_guess_scales(index, sample), sigma, beta, reach)
     for _ in range(_MAX_ROUNDS):
         _, residuals = _match_and_measure(index, work, sample, scales)
         total = _sum_all(residuals, _fit_log_mixture(residuals, scales))
@@ -191,12 +200,12 @@ def estimate_scales(
             return scales, [scales] * len(observations)
         last_error = scales.error
         speeds = _measure_speeds(sample, last_error)
-        scales = _with_known(_scales_from(total, speeds, min_error), sigma, beta)
+        scales = _with_known(_scales_from(total, speeds, min_error), sigma, beta, reach)
         if abs(math.log(scales.error / last_error)) < _CONVERGED:
             break
 
     # One round on many samples.
-    sample = _take_sample(observations, _LAST_SAMPLES)
+    sample = _take_sample(observations, samples)
     paths, residuals = _match_and_measure(index, work, sample, scales)
     mixture = _fit_log_mixture(residuals, scales)
     total = _sum_all(residuals, mixture)
@@ -207,16 +216,23 @@ def estimate_scales(
 
     # Scales of the log.
     speeds = _measure_speeds(sample, scales.error)
-    log_scales = _with_known(_scales_from(total, speeds, min_error), sigma, beta)
+    log_scales = _with_known(_scales_from(total, speeds, min_error), sigma, beta, reach)
 
     # Scales of each track, with those of the log as prior.
     prior, log_speeds = total.shrunk(_PRIOR), (log_scales.median_speed, log_scales.max_speed)
     track_scales = []
     for observed, residual, track_heading in zip(sample, residuals, track_headings, strict=True):
+        if len(residual.errors) < _MIN_STEPS and len(sample) > 1:
+            speed = max(log_scales.max_speed, _fastest_step(observed))
+            own = replace(log_scales, max_speed=speed, heading=track_heading)
+            track_scales.append(own)
+            continue
         sums = _sum_on_roads(residual, fit_mixture(residual.strays, mixture, _PRIOR))
         track_speeds = _measure_speeds([observed], log_scales.error)
         speeds = _blend_speeds(track_speeds, log_speeds, sums.paths)
-        scales_of_track = _with_known(_scales_from(sums + prior, speeds, min_error), sigma, beta)
+        scales_of_track = _with_known(
+            _scales_from(sums + prior, speeds, min_error), sigma, beta, reach
+        )
         track_scales.append(replace(scales_of_track, heading=track_heading))
     return replace(log_scales, heading=log_heading), track_scales
 
@@ -230,6 +246,8 @@ def estimate_robust_scales(
     sigma: float | None = None,
     beta: float | None = None,
     heading: float | None = None,
+    reach: float = math.inf,
+    samples: int = MAX_SAMPLES,
 ) -> tuple[Scales, list[Scales]]:
     """Estimate scales as :func:`estimate_scales` does, also where a log travels against roads.
 
@@ -243,12 +261,19 @@ def estimate_robust_scales(
         The network.
     opened : RoadIndex or None
         The same with all roads open in both directions; None where they are.
-    work, observations, sigma, beta, heading
+    work, observations, sigma, beta, heading, reach, samples
         As for :func:`estimate_scales`.
     """
     # Without closed directions the first estimate stands.
     log_scales, track_scales = estimate_scales(
-        index, work, observations, sigma=sigma, beta=beta, heading=heading
+        index,
+        work,
+        observations,
+        sigma=sigma,
+        beta=beta,
+        heading=heading,
+        reach=reach,
+        samples=samples,
     )
     if opened is None:
         return log_scales, track_scales
@@ -263,7 +288,14 @@ def estimate_robust_scales(
 
     # The same with all roads open.
     log_again, tracks_again = estimate_scales(
-        opened, work, observations, sigma=sigma, beta=beta, heading=heading
+        opened,
+        work,
+        observations,
+        sigma=sigma,
+        beta=beta,
+        heading=heading,
+        reach=reach,
+        samples=samples,
     )
     if log_scales.error > _MAX_TO_GUESS * guess_error(index, observations):
         log_scales = log_again
@@ -345,8 +377,9 @@ def _take_slices(observations: Observations, share: float) -> Observations:
     )
 
 
-def _with_known(scales: Scales, sigma: float | None, beta: float | None) -> Scales:
-    """Replace what the user knows; an error is never above the sigma that it makes."""
+def _with_known(scales: Scales, sigma: float | None, beta: float | None, reach: float) -> Scales:
+    """Replace what is known; an error is never above the sigma that it makes."""
+    scales = replace(scales, reach=reach)
     if sigma is not None:
         scales = replace(scales, sigma=sigma, error=min(scales.error, sigma))
     return scales if beta is None else replace(scales, beta=beta)
@@ -401,6 +434,14 @@ def _measure_speeds(observations: Sequence[Observations], error: float) -> tuple
         return 0.0, math.inf
     brisk = float(np.quantile(np.concatenate(calm_speeds), 0.95))
     return float(np.median(pooled)), MAX_SPEED_FACTOR * brisk
+
+
+def _fastest_step(observed: Observations) -> float:
+    """Highest speed of a short track: of each two successive steps, the slower counts."""
+    steps = np.linalg.norm(np.diff(observed.positions, axis=0), axis=1)
+    speeds = (steps / np.diff(observed.times))[~observed.is_gap]
+    calm = np.minimum(speeds[:-1], speeds[1:]) if len(speeds) > 1 else speeds
+    return MAX_SPEED_FACTOR * float(calm.max(initial=0.0))
 
 
 def _blend_speeds(

@@ -43,6 +43,9 @@ class Scales:
     averaging_window : int, default 1
         Number of successive samples whose mean is matched, odd: as many as lie within twice their
         white noise.
+    reach : float, default infinite
+        Metres from all roads beyond which an agent is off the map, however large the error seems.
+        Learned maps have one.
     """
 
     error: float
@@ -52,6 +55,7 @@ class Scales:
     max_speed: float
     heading: float = math.inf
     averaging_window: int = 1
+    reach: float = math.inf
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,6 +40,9 @@ class Network:
         The planes of a network in degrees; None for one in x and y.
     names : sequence of str, optional
         Street names, empty where a road has none; None where the source has no names at all.
+    error : float, optional
+        Error in metres of a map that was learned from logs: what is much farther from all roads is
+        off the map. None for roads of another source.
 
     Examples
     --------
@@ -62,6 +65,7 @@ class Network:
     ids: Sequence[str] | None = None
     plane: Plane | None = None
     names: Sequence[str] | None = None
+    error: float | None = None
 
     def __repr__(self) -> str:
         facts = (

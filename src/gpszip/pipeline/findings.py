@@ -14,15 +14,16 @@ from gpszip.history.calendar import Calendar, choose_calendar
 from gpszip.history.changes.changes import Changes, find_changes
 from gpszip.history.local_time import find_zone
 from gpszip.history.rounds import find_rounds
+from gpszip.history.stays.find import trips_of_archive, trips_of_log
 from gpszip.history.stays.values import Settings
 from gpszip.history.traversals import History, read_history
+from gpszip.history.trips import choose_trips
 from gpszip.history.unusual.own_trips import OwnTrips, score_own_trips
 from gpszip.history.usage import Usage, measure_usage
 from gpszip.model import Track
 from gpszip.model.rounds import Rounds
 from gpszip.model.timestamps import counts_from_1970, format_span
 from gpszip.model.trips import Trips
-from gpszip.pipeline.trips import trips_of_archive, trips_of_log
 
 __all__ = ["PARTS", "Findings", "check_parts", "find_all"]
 
@@ -40,9 +41,6 @@ _ALARMS_IN_ALL = 1.0
 
 #: Share of all travel that a usual round tells at least: with less, it is chance.
 _MIN_REGULARITY = 0.5
-
-#: Trips from place to place from which on these are scored, and no parts of travel.
-_ENOUGH_TRIPS = 12
 
 #: Seconds of a day.
 _DAY = 86_400.0
@@ -216,12 +214,10 @@ def _find_travel(
     notes: dict[str, str],
 ) -> _Travel:
     """Find the parts that follow from traversals."""
-    # Without times there are no hours. Trips from place to place are scored, if there are enough.
+    # Without times there are no hours.
     is_timed = bool(np.isfinite(history.traversals.enter).any())
     by = ("hour", "weekday") if is_timed else ()
-    spans = None
-    if trips is not None and len(trips.trips) >= _ENOUGH_TRIPS:
-        spans = [(trip.track, trip.start, trip.end) for trip in trips.trips]
+    cut = choose_trips(history.traversals, trips)
 
     # Each part by itself, as one that can't be told is no reason to be silent about the others.
     def attempt(part: str, find: Callable[[], T]) -> T | None:
@@ -230,7 +226,7 @@ def _find_travel(
     return _Travel(
         usage=attempt("usage", lambda: measure_usage(history, by, zone)),
         changes=attempt("changes", lambda: _compare_times(history, since)),
-        unusual=attempt("unusual", lambda: score_own_trips(history, since, spans, zone)),
+        unusual=attempt("unusual", lambda: score_own_trips(history, since, cut, zone)),
         rounds=attempt("rounds", lambda: _find_regular_rounds(history, since)),
     )
 

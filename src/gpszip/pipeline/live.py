@@ -135,5 +135,9 @@ def roads_and_scales(archive: Archive, scales: Scales | None) -> tuple[Network, 
     else:
         median_speed, max_speed = 0.0, math.inf
     return network, Scales(
-        error, _CORRELATED_SAMPLES * error, error, median_speed, _MAX_SPEED_FACTOR * max_speed
+        error,
+        _CORRELATED_SAMPLES * error,
+        error,
+        median_speed,
+        _MAX_SPEED_FACTOR * max_speed,
     )

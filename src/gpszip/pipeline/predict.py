@@ -11,8 +11,8 @@ from gpszip.errors import OptionError
 from gpszip.geo.planes import to_geographic
 from gpszip.history.prediction.predictor import Predictor
 from gpszip.history.prediction.read_route import tell_route
-from gpszip.history.prediction.trips import cut_trips
 from gpszip.history.traversals import Traversals, match_traversals, read_history
+from gpszip.history.trips import TripRows, cut_trips, trips_of_tracks
 from gpszip.model import Network, Track
 from gpszip.model.prediction import Destination, LikelyNode, Outlook
 from gpszip.pipeline.match import network_for
@@ -61,14 +61,14 @@ def predict(
     # What is known, and the traversals of the log on the same edges.
     history = read_history(archive)
     predictor = Predictor(history, timezone=timezone)
-    rows = history.traversals
+    rows, trips = history.traversals, predictor.trips
     if tracks is not None:
         network = network_for(tracks, archive)
         ids = tuple(track.id for track in tracks)
         rows = match_traversals(tracks, network, ids, list(range(len(tracks))))
+        trips = cut_trips(rows, trips_of_tracks(tracks, trips))
 
     # Each track from its last traversal on.
-    trips = cut_trips(rows)
     outlooks = []
     for number, name in enumerate(rows.ids):
         last = int(np.searchsorted(rows.track, number, side="right")) - 1
@@ -76,9 +76,16 @@ def predict(
             time = float(tracks[number].times[-1]) if tracks and tracks[number].timed else np.nan
             outlooks.append(Outlook(name, time, -1, False, (), (), ()))
             continue
-        first = int(trips.first[trips.of[last]])
+        first = _trip_begin(trips, rows, last)
         outlooks.append(_outlook(predictor, rows, first, last, edges, destinations))
     return tuple(outlooks), predictor.network
+
+
+def _trip_begin(trips: TripRows, rows: Traversals, last: int) -> int:
+    """First traversal of a trip since it was on the map without a break."""
+    trip = int(np.searchsorted(trips.first, last, side="right")) - 1
+    route = int(np.flatnonzero(rows.starts[: last + 1])[-1])
+    return max(route, int(trips.first[trip])) if trip >= 0 else route
 
 
 def _has_left(rows: Traversals, last: int, tracks: Sequence[Track] | None, number: int) -> bool:

@@ -61,9 +61,11 @@ def plan_route(
     # Places on the map.
     if len(places) < 2:
         raise OptionError("a route needs two places or more")
-    network, rows = history = read_history(archive)
+    history = read_history(archive)
+    network, rows = history.network, history.traversals
+    is_open = np.bincount(rows.edge[~rows.jumps], minlength=len(network)) > 0
     stops = [
-        find_position(network, _to_metres(place, network), f"stop {number}")
+        find_position(network, _to_metres(place, network), f"stop {number}", is_open)
         for number, place in enumerate(places, 1)
     ]
 

@@ -35,7 +35,7 @@ def unusual(
     network = network_for(tracks, archive)
     ids = tuple(track.id for track in tracks)
     rows = match_traversals(tracks, network, ids, list(range(len(tracks))))
-    found = find_unusual(Usual(read_history(archive), timezone), tracks, rows, network)
+    found = find_unusual(Usual(read_history(archive), timezone), tracks, rows)
     return _with_coded_bits(found, tracks, archive) if coded else found
 
 

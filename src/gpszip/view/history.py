@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.geo.planes import to_plane
-from gpszip.history.usage import find_jumps
 from gpszip.view.blocks import pack_numbers
 
 if TYPE_CHECKING:
@@ -183,7 +182,7 @@ def _show_usage(rows: Traversals, found: Findings) -> dict[str, Any] | None:
     # What was travelled in each; jumps of the receiver are kept out of speeds.
     counted = rows.metres >= _MIN_SHARE * found.history.network.lengths[rows.edge]
     moving = np.maximum(rows.leave - rows.enter - rows.standing, 0.0)
-    moves = ~find_jumps(rows)
+    moves = ~rows.jumps
     edge, hour = np.divmod(distinct, _WEEK_HOURS)
     return {
         "weekdays": has_weekdays,

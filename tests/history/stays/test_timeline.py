@@ -240,3 +240,17 @@ def test_where_and_when_do_not_matter(track, shift, periods):
         np.array(spans(before.stops)).reshape(-1, 2),
         atol=1e-3,
     )
+
+
+@pytest.mark.parametrize("ahead", [True, False], ids=["goes on", "turns"])
+def test_whoever_drives_past_a_known_place_into_a_gap_does_not_stay_there(ahead):
+    """Silent for 40 minutes from 3 km on: the goal lies ahead, or the way turns at the place."""
+    goal = (9000, 0) if ahead else (0, 3000)
+    times, way = scene(
+        (900, 0, 0), (300, 3000, 0), (600, *goal), (3000, *goal), silent=[(1200, 3700)]
+    )
+    known = np.array([[0.0, 0.0], [3000.0, 0.0], goal])
+    found = build_timeline(choose_fixes(times, way, None), Settings(), known)
+    there = [stop for stop in found.stops if np.linalg.norm(stop.halt.centre - known[1]) < 200]
+    assert len(there) == (0 if ahead else 1)
+    assert np.linalg.norm(found.stops[-1].halt.centre - goal) < 50

@@ -13,7 +13,7 @@ from gpszip.history.prediction.exits import list_exits
 from gpszip.history.prediction.sequence_model import Passes, train
 from gpszip.history.traversals import History, Traversals
 from gpszip.history.unusual.absences import find_absences
-from gpszip.history.unusual.log_trips import find_far_samples, list_trips
+from gpszip.history.unusual.log_trips import list_trips
 from gpszip.history.unusual.pass_index import index_passes
 from gpszip.history.unusual.route_surprise import surprising_parts, turn_bits
 from gpszip.history.unusual.unusual import Usual, find_unusual
@@ -98,7 +98,7 @@ def area_under_curve(normal, odd):
 def test_detours_are_more_unusual_than_normal_trips(usual, buses, known):
     # Trips of the last day of 14 roads and more, every other one with a detour.
     rng = np.random.default_rng(1)
-    network, rows = buses
+    network, rows = buses.network, buses.traversals
     exits = exits_of(network)
     begin = int(np.flatnonzero(rows.enter >= FIRST_DAY + KNOWN * 86_400)[0])
     routes, is_odd = [], []
@@ -132,7 +132,7 @@ def test_detours_are_more_unusual_than_normal_trips(usual, buses, known):
 
 def test_the_unusual_part_is_the_detour(usual, buses, known):
     # A trip that was made before, once with a detour.
-    network, rows = known
+    network, rows = known.network, known.traversals
     exits = exits_of(network)
     route = list(zip(rows.edge[200:230].tolist(), rows.forward[200:230].tolist(), strict=True))
     way = next(
@@ -180,7 +180,7 @@ def test_support_is_that_of_a_loop():
 
 
 def test_parts_are_the_best_and_do_not_overlap(known):
-    network, rows = known
+    network, rows = known.network, known.traversals
     exits = list_exits(network)
     few = rows.take(np.arange(len(rows)) < 1500)
     none = np.full(len(few), -1)
@@ -207,7 +207,7 @@ def test_parts_are_the_best_and_do_not_overlap(known):
 
 
 def test_wrong_direction_slow_travel_stops_and_new_roads_have_their_reasons(usual, buses, known):
-    network, rows = known
+    network, rows = known.network, known.traversals
     passed = np.bincount(rows.directed, minlength=2 * len(network))
     exits = exits_of(network)
 
@@ -260,7 +260,7 @@ def test_wrong_direction_slow_travel_stops_and_new_roads_have_their_reasons(usua
 
 
 def test_paces_are_those_of_the_roads(usual, buses, known):
-    network, rows = known
+    network, rows = known.network, known.traversals
     hours = (rows.enter // 3600 % 24).astype(np.int64)
     paces = learn_paces(network, rows, hours)
     first, last, observed, expected = pace_groups(network, rows, hours, paces)
@@ -280,7 +280,7 @@ def test_paces_are_those_of_the_roads(usual, buses, known):
 
 
 def test_jumps_of_the_receiver_have_no_pace(known):
-    network, rows = known
+    network, rows = known.network, known.traversals
     hours = np.full(len(rows), -1)
     paces = learn_paces(network, rows, hours)
     moving = rows.leave - rows.enter - rows.standing
@@ -305,7 +305,7 @@ def test_jumps_of_the_receiver_have_no_pace(known):
 
 
 def test_stops_are_rare_where_nobody_stops(known):
-    network, rows = known
+    network, rows = known.network, known.traversals
     stops = learn_stops(network, rows)
     stood = np.bincount(rows.directed, rows.standing > 5, 2 * len(network))
     passed = np.bincount(rows.directed, minlength=2 * len(network))
@@ -320,7 +320,7 @@ def test_stops_are_rare_where_nobody_stops(known):
 
 
 def test_trips_of_a_log_end_with_gaps_and_stops(known):
-    network, rows = known
+    network, rows = known.network, known.traversals
     route = list(zip(rows.edge[:30].tolist(), rows.forward[:30].tolist(), strict=True))
     (track,), traversals = as_log(network, [route], FIRST_DAY)
     times = np.asarray(track.times).copy()
@@ -395,24 +395,3 @@ def test_absences_are_hours_in_which_an_agent_always_travels():
     there = traversals(("a",), np.array([later + 8 * 3600.0]))
     assert not find_absences(traversals(("a",), enter), [log], there, UTC)
     assert not find_absences(traversals(("b",), enter), [log], now, UTC)
-
-
-def test_samples_far_from_all_roads_are_off_the_map_whatever_they_match(known):
-    # A trip of which the last samples leave its roads by kilometres, though it was matched to them.
-    network, rows = known
-    route = list(zip(rows.edge[:20].tolist(), rows.forward[:20].tolist(), strict=True))
-    (track,), traversals = as_log(network, [route], FIRST_DAY)
-    away = track.positions.copy()
-    away[15:] += np.arange(3000, 3000 + 300 * (len(away) - 15), 300)[:, None]
-    odd = Track("a", track.times, away)
-    (near,), (far,) = find_far_samples([track], network), find_far_samples([odd], network)
-    assert not near.any()
-    assert far[15:].all()
-    assert not far[:15].any()
-    (trip,) = list_trips([odd], traversals, [far])
-    (part,) = trip.off_map
-    assert (part.start, part.end) == (track.times[15], track.times[-1])
-    steps = np.linalg.norm(np.diff(away[15:], axis=0), axis=1)
-    assert part.metres == pytest.approx(steps.sum())
-    (usual_trip,) = list_trips([track], traversals, [near])
-    assert not usual_trip.off_map

@@ -168,7 +168,7 @@ def test_jumps_and_equal_speeds_are_said():
     leave[row], standing[row] = rows.enter[row] + rows.metres[row] / 1000, 0.0
     jumps = replace(rows, leave=leave, standing=standing, max_speed=10.0)
     told = build_report(
-        replace(found, history=history._replace(traversals=jumps)), guard_archive(), "n"
+        replace(found, history=replace(history, traversals=jumps)), guard_archive(), "n"
     )
     assert told.numbers["travel"]["jumps"] == 1
     assert told.numbers["travel"]["max_speed"] == 10.0

@@ -30,7 +30,6 @@ from gpszip.history.calendar import choose_calendar
 from gpszip.history.changes.closures import Closures, choose_threshold, find_closures
 from gpszip.history.travel_time import learn_travel_times
 from gpszip.history.traversals import History, Traversals
-from gpszip.history.usage import find_jumps
 from gpszip.model import Network
 from gpszip.model.text import count_text
 
@@ -191,7 +190,7 @@ def find_changes(
     for name, value in (("false_alarms", false_alarms), ("threshold", threshold)):
         if value is not None and not (value > 0 and np.isfinite(value)):
             raise OptionError(f"{name} is {value:g}; it must be a positive number")
-    network, rows = history
+    network, rows = history.network, history.traversals
     timed = np.isfinite(rows.enter)
     if not timed.any():
         raise OptionError("no track has times, so that nothing is before or after")
@@ -341,7 +340,7 @@ def _speeds(both: _Both, threshold: float) -> list[Change]:
     calendar = choose_calendar(network, rows.enter, None)
     seconds = rows.leave - rows.enter - rows.standing
     whole = (rows.metres >= _MIN_SHARE * network.lengths[rows.edge]) & (seconds > 0)
-    whole &= ~find_jumps(rows)
+    whole &= ~rows.jumps
     if not whole[~after].any():
         return []
     times = learn_travel_times(History(network, rows.take(~after)), calendar)

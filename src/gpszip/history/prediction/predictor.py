@@ -20,9 +20,9 @@ from gpszip.history.prediction.pace_so_far import band_factor
 from gpszip.history.prediction.paths import fastest_path, likeliest_path
 from gpszip.history.prediction.read_route import read_route, tell_route
 from gpszip.history.prediction.sequence_model import Passes, SequenceModel, train
-from gpszip.history.prediction.trips import cut_trips, nearest_ends
 from gpszip.history.travel_time import TravelTimes, learn_travel_times
 from gpszip.history.traversals import History, read_history
+from gpszip.history.trips import TripRows, nearest_ends, trips_of_history
 from gpszip.model.match import Route
 from gpszip.model.prediction import LikelyNode, LikelyRoute, NextRoad, TripArrival
 from gpszip.model.timestamps import Times, to_seconds
@@ -108,7 +108,9 @@ class Predictor:
             archive = read_history(
                 archive if isinstance(archive, Archive) else open_archive(archive)
             )
-        self.network, rows = archive
+        history = archive
+        self.network, rows = history.network, history.traversals
+        self._history = history
         self.agents = rows.ids
         self._agent_numbers = {name: number for number, name in enumerate(rows.ids)}
         self._traversals = rows
@@ -450,17 +452,26 @@ class Predictor:
         return band_factor(self._times, self._traversals)
 
     @cached_property
+    def trips(self) -> TripRows:
+        """Trips of the archive, as slices of its traversals."""
+        return trips_of_history(self._history)
+
+    @cached_property
     def _destinations(self) -> DestinationModel:
         """Ends of the archive's trips, which only :meth:`destination` needs."""
-        rows, order = self._traversals, self._order
-        trips = cut_trips(rows)
+        rows, trips = self._traversals, self.trips
+        order = self._order[trips.of[self._order] >= 0]
         ends = TripEnds(
             nearest_ends(self.network, rows, trips.after - 1),
             rows.track[trips.first].astype(np.int64),
             self._hours[trips.first],
         )
         return learn_destinations(
-            rows.directed[order], rows.starts[order], trips.of[order], ends, len(self.exits)
+            rows.directed[order],
+            rows.starts[order] | (np.diff(order, prepend=-2) != 1),
+            trips.of[order],
+            ends,
+            len(self.exits),
         )
 
     def _read(self, route: Route | Iterable[Any]) -> list[int]:

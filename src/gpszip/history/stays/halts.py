@@ -210,10 +210,11 @@ def _find_turn(fixes: Fixes, one: Halt, other: Halt, settings: Settings) -> Halt
     # Short halts there, of which the longest counts.
     way = Fixes(fixes.times[rows], fixes.positions[rows], fixes.noise[rows])
     radius = settings.radius * TURN_TIME / settings.min_stay
+    least = _FAR_SHARE * float(away.max())
     turns = [
         halt
-        for halt in find_halts(way, TURN_TIME, radius)
-        if distance(halt.centre, one.centre) >= _FAR_SHARE * float(away.max())
+        for halt in find_halts(way, TURN_TIME, radius, beyond=(one.centre, least))
+        if distance(halt.centre, one.centre) >= least
         and turns_back(one.centre, halt.centre, other.centre, halt.noise, settings)
     ]
     if not turns:

@@ -24,6 +24,10 @@ _SPEED_STEPS = 6
 #: Metres per second from which a track is in motion: half of a walk.
 _MOVING_SPEED = 0.7
 
+#: A jump is faster than so many times the speed that one calm step in twenty exceeds, as for
+#: matching, and takes more than so many m/s² from rest and back to it, unlike a train after a walk.
+_JUMP_FACTOR, _JUMP_ACCELERATION = 4.0, 3.0
+
 #: Most positions along a trip; those of a longer one lie farther apart.
 _MAX_POSITIONS = 100_000
 
@@ -80,15 +84,34 @@ def measure_travel(fixes: Fixes, start: float, end: float, begin: Floats, finish
     if end <= start:
         return Travel(0.0, 0.0, line)
 
-    # Positions at even times, and their means; the ends stay where they are.
+    # Positions at even times, and their means; the ends stay where they are. What is beyond a jump
+    # moves back by it, so that it is no travel.
+    together = line - _jumped(times, line)
     count = min(max(round((end - start) / _STEP), 1) + 1, _MAX_POSITIONS)
     even = np.linspace(start, end, count)
-    positions = np.stack([np.interp(even, times, axis) for axis in line.T], axis=1)
+    positions = np.stack([np.interp(even, times, axis) for axis in together.T], axis=1)
     smooth = uniform_filter1d(positions, _SMOOTHED, axis=0, mode="nearest")
-    smooth[0], smooth[-1] = begin, finish
+    smooth[0], smooth[-1] = together[0], together[-1]
     steps = lengths(np.diff(smooth, axis=0))
 
     # Speeds over half a minute around each step.
     speeds = uniform_filter1d(steps, _SPEED_STEPS, mode="nearest") / ((end - start) / (count - 1))
     moving = float((speeds >= _MOVING_SPEED).mean()) * (end - start)
     return Travel(float(steps.sum()), moving, line)
+
+
+def _jumped(times: Floats, line: Floats) -> Floats:
+    """How far jumps of the receiver have moved each position, shape (n, d).
+
+    Of two successive steps, the slower one is calm. Half of a step between two rests speeds up and
+    half of it slows down, by ``4 d / t**2``.
+    """
+    seconds, steps = np.diff(times), np.diff(line, axis=0)
+    metres = lengths(steps)
+    speeds = np.divide(metres, seconds, out=np.zeros(len(seconds)), where=seconds > 0)
+    calm = np.minimum(speeds[1:], speeds[:-1]) if len(speeds) > 1 else speeds
+    is_jump = (speeds > _JUMP_FACTOR * np.quantile(calm, 0.95)) & (
+        4.0 * metres > _JUMP_ACCELERATION * seconds**2
+    )
+    moved: Floats = np.cumsum(np.where(is_jump[:, None], steps, 0.0), axis=0)
+    return np.concatenate([0.0 * line[:1], moved])

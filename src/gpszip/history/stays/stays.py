@@ -57,7 +57,9 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
-def find_halts(fixes: Fixes, window: float, radius: float) -> list[Halt]:
+def find_halts(
+    fixes: Fixes, window: float, radius: float, beyond: tuple[Floats, float] | None = None
+) -> list[Halt]:
     """Find where a track stays within a radius for the length of a window.
 
     Parameters
@@ -68,6 +70,8 @@ def find_halts(fixes: Fixes, window: float, radius: float) -> list[Halt]:
         Seconds; the shortest halt.
     radius : float
         Metres; the size of a place.
+    beyond : tuple of (float64 array, shape (d,), float), optional
+        A position, and metres from it within which halts need not be found.
 
     Returns
     -------
@@ -87,7 +91,7 @@ def find_halts(fixes: Fixes, window: float, radius: float) -> list[Halt]:
     for begin, end in still_ranges(fixes, window, radius).tolist():
         first = int(np.searchsorted(fixes.times, begin, side="left"))
         last = int(np.searchsorted(fixes.times, end, side="right")) - 1
-        if first <= last:
+        if first <= last and _reaches(fixes, first, last, beyond, radius):
             parts = _split_at_jumps(fixes, first, last, window, radius)
             halts += [
                 part
@@ -97,6 +101,16 @@ def find_halts(fixes: Fixes, window: float, radius: float) -> list[Halt]:
 
     # The fixes at the place, without those on the way to it and from it.
     return [_trim(fixes, first, last, radius) for first, last in halts]
+
+
+def _reaches(
+    fixes: Fixes, first: int, last: int, beyond: tuple[Floats, float] | None, radius: float
+) -> bool:
+    """Whether some fixes lie, within a radius, beyond a distance from a position."""
+    if beyond is None:
+        return True
+    position, metres = beyond
+    return bool(_distances(fixes.positions[first : last + 1], position).max() >= metres - radius)
 
 
 # Windows.

@@ -11,6 +11,7 @@ from gpszip.history.stays.travel import (
     MAX_GAP,
     WAY_FACTOR,
     distance,
+    passes_by,
     speed_after,
     speed_before,
     travel_time,
@@ -51,8 +52,10 @@ def estimate_stops(
         if i + 1 < len(halts) and halts[i + 1].first == halt.last + 1:
             # At a place that is known, too, a track stays, unless it is seen there again.
             elsewhere = known[i] != known[i + 1]
+            passes = passes_by(fixes, halt.last)
             still = [
-                seen[row] >= _SEEN_STILL or (elsewhere and known[row] is not None)
+                seen[row] >= _SEEN_STILL
+                or (elsewhere and known[row] is not None and not passes[row - i])
                 for row in (i, i + 1)
             ]
             ends[i], begins[i + 1] = _share_gap(fixes, halt.last, *still)

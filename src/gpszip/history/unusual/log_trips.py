@@ -1,39 +1,36 @@
-"""Trips of a log: its samples between gaps and stops, with their travel on and off the map.
+"""Trips of a log, with their travel on and off the map.
 
-They end with the same stops as the trips of an archive (:mod:`gpszip.history.prediction.trips`),
-but go on off the map, where travel counts, too, until there is a gap between samples. Those of
-:mod:`gpszip.history.stays` are others: they lead from place to place.
+They are those of :mod:`gpszip.history.trips`. As positions tell stays, travel off the map belongs
+to a trip, too.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.history.prediction.trips import MIN_STOP
 from gpszip.history.traversals import Traversals
-from gpszip.model import Network, Track
+from gpszip.history.trips import MIN_STOP
+from gpszip.model import Track
+from gpszip.model.trips import Trips
 
-__all__ = ["LogTrip", "OffMap", "find_far_samples", "list_trips"]
+__all__ = ["LogTrip", "OffMap", "list_trips"]
 
-#: Seconds without a sample after which a new trip begins.
-_MIN_GAP = 300.0
-
-#: Metres off the map that count; less are errors of the receiver beside its roads.
-_MIN_METRES = 100.0
-
-#: Metres from the nearest edge at which a sample is off the map, whatever it was matched to: a log
-#: that is mostly off the map is taken for one with large errors.
-_FAR = 100.0
-
-#: Metres between the points of edges to which distances are measured.
-_SPACING = 25.0
+#: Metres off the map that count; less are errors of the receiver beside its roads. On small maps,
+#: they are so many times the distance at which the map ends.
+_MIN_METRES, _MIN_REACHES = 100.0, 10.0
 
 #: Seconds by which times of traversals may be off those of samples, which they are computed from.
 _ROUNDING = 1e-3
+
+
+#: Begin and end in seconds, samples and traversals of a trip.
+_Part: TypeAlias = tuple[float, float, NDArray[np.int64], NDArray[np.int64]]
 
 
 @dataclass(frozen=True)
@@ -79,37 +76,13 @@ class LogTrip:
     off_map: tuple[OffMap, ...]
 
 
-def find_far_samples(tracks: Sequence[Track], network: Network) -> list[NDArray[np.bool_]]:
-    """Whether each sample of each track is farther than 100 m from all edges.
-
-    Parameters
-    ----------
-    tracks : sequence of Track
-        A log on the plane of the network.
-    network : Network
-        The edges.
-    """
-    from scipy.spatial import KDTree
-
-    # Points along all edges.
-    total = np.concatenate(([0.0], np.cumsum(network.lengths)))
-    along = network.along + total[:-1].repeat(np.diff(network.offsets))
-    at = np.arange(0.0, total[-1] + _SPACING, _SPACING)
-    axes = [np.interp(at, along, axis) for axis in network.points[:, :2].T]
-    tree = KDTree(np.stack(axes, axis=1))
-    far = []
-    for track in tracks:
-        distance, _ = tree.query(np.asarray(track.positions, np.float64)[:, :2])
-        far.append(np.asarray(distance > _FAR + 0.5 * _SPACING, np.bool_))
-    return far
-
-
 def list_trips(
     tracks: Sequence[Track],
     traversals: Traversals,
-    far: Sequence[NDArray[np.bool_]] | None = None,
+    found: Trips | None = None,
+    reach: float = math.inf,
 ) -> Iterator[LogTrip]:
-    """Cut each track at gaps and stops of five minutes or more, and find its travel off the map.
+    """List the trips of each track, and find their travel off the map.
 
     Parameters
     ----------
@@ -117,46 +90,78 @@ def list_trips(
         A log with times.
     traversals : Traversals
         Its traversals; ``traversals.track`` are indices of ``tracks``.
-    far : sequence of bool arrays, shape (n,), optional
-        Whether each sample of each track is far from all edges (:func:`find_far_samples`).
+    found : Trips, optional
+        Stays and trips by positions. Without, and in tracks without either, trips end with stops
+        on an edge, and gaps, of five minutes or more.
+    reach : float, default infinite
+        Metres from all edges at which the map ends.
     """
+    least = min(_MIN_METRES, _MIN_REACHES * reach)
+    spans: dict[str, list[tuple[float, float]]] = {}
+    if found is not None:
+        spans = {stay.track: [] for stay in found.stays}
+        for trip in found.trips:
+            spans.setdefault(trip.track, []).append((trip.start, trip.end))
     bounds = np.searchsorted(traversals.track, np.arange(len(tracks) + 1))
     for number, track in enumerate(tracks):
         rows = np.arange(bounds[number], bounds[number + 1])
         times = np.asarray(track.times, np.float64)
-
-        # Trips begin with the track, after a gap, and after a stop.
-        stood = np.nan_to_num(traversals.standing[rows]) >= MIN_STOP
-        begins = np.concatenate(
-            (times[1:][np.diff(times) >= _MIN_GAP], traversals.leave[rows[stood]])
+        cut = spans.get(track.id)
+        parts = (
+            _by_stops(times, traversals, rows)
+            if cut is None
+            else _by_spans(times, traversals, rows, sorted(cut))
         )
-        begins = np.unique(np.append(times[0], begins[begins < times[-1]]))
-        of_row = np.searchsorted(begins, traversals.enter[rows] + _ROUNDING, side="right") - 1
-        of_sample = np.searchsorted(begins, times, side="right") - 1
-        for trip in range(len(begins)):
-            samples = np.flatnonzero(of_sample == trip)
-            own = rows[np.maximum(of_row, 0) == trip]
-            if len(samples) < 2 and not len(own):
-                continue
-            span = times[samples] if len(samples) else traversals.enter[own]
-            yield LogTrip(
-                number,
-                float(span[0]),
-                float(span[-1]),
-                own,
-                (
-                    *_off_map(track, samples, traversals, own),
-                    *_far_runs(
-                        track, samples, traversals, own, None if far is None else far[number]
-                    ),
-                ),
-            )
+        for start, end, samples, own in parts:
+            off_map = tuple(_off_map(track, samples, traversals, own, least))
+            yield LogTrip(number, start, end, own, off_map)
+
+
+def _by_spans(
+    times: NDArray[np.float64],
+    traversals: Traversals,
+    rows: NDArray[np.int64],
+    spans: Sequence[tuple[float, float]],
+) -> Iterator[_Part]:
+    """Parts of a track in some time ranges; a traversal belongs to the last one that it meets."""
+    starts = np.array([start for start, _ in spans])
+    of_row = np.searchsorted(starts, traversals.leave[rows]) - 1
+    for number, (start, end) in enumerate(spans):
+        first = np.searchsorted(times, start)
+        after = np.searchsorted(times, end, side="right")
+        own = rows[(of_row == number) & (traversals.enter[rows] < end)]
+        yield start, end, np.arange(first, after), own
+
+
+def _by_stops(
+    times: NDArray[np.float64], traversals: Traversals, rows: NDArray[np.int64]
+) -> Iterator[_Part]:
+    """Parts of a track between its stops on edges, and gaps between its samples."""
+    # Where they begin: with the track, after a gap, and after a stop.
+    stood = np.nan_to_num(traversals.standing[rows]) >= MIN_STOP
+    begins = np.concatenate((times[1:][np.diff(times) >= MIN_STOP], traversals.leave[rows[stood]]))
+    begins = np.unique(np.append(times[0], begins[begins < times[-1]]))
+    of_row = np.searchsorted(begins, traversals.enter[rows] + _ROUNDING, side="right") - 1
+    of_sample = np.searchsorted(begins, times, side="right") - 1
+
+    # What belongs to each.
+    for number in range(len(begins)):
+        samples = np.flatnonzero(of_sample == number)
+        own = rows[np.maximum(of_row, 0) == number]
+        if len(samples) < 2 and not len(own):
+            continue
+        span = times[samples] if len(samples) else traversals.enter[own]
+        yield float(span[0]), float(span[-1]), samples, own
 
 
 def _off_map(
-    track: Track, samples: NDArray[np.int64], traversals: Traversals, rows: NDArray[np.int64]
+    track: Track,
+    samples: NDArray[np.int64],
+    traversals: Traversals,
+    rows: NDArray[np.int64],
+    least: float,
 ) -> Iterator[OffMap]:
-    """Travel of a trip while it is on no edge."""
+    """Travel of a trip of some metres or more while it is on no edge."""
     if len(samples) < 2:
         return
 
@@ -176,35 +181,5 @@ def _off_map(
             continue
         line = positions[inside]
         metres = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-        if metres >= _MIN_METRES:
+        if metres >= least:
             yield OffMap(start, end, metres, line[len(line) // 2])
-
-
-def _far_runs(
-    track: Track,
-    samples: NDArray[np.int64],
-    traversals: Traversals,
-    rows: NDArray[np.int64],
-    far: NDArray[np.bool_] | None,
-) -> Iterator[OffMap]:
-    """Travel far from all edges that was matched to some edge all the same."""
-    if far is None or not len(rows) or not far[samples].any():
-        return
-
-    # Samples while the trip is on edges, as the others are told already.
-    times = np.asarray(track.times, np.float64)
-    first = np.flatnonzero(traversals.starts[rows] | (np.arange(len(rows)) == 0))
-    last = np.append(first[1:], len(rows)) - 1
-    enter, leave = traversals.enter[rows[first]], traversals.leave[rows[last]]
-    piece = np.searchsorted(enter, times[samples] + _ROUNDING, side="right") - 1
-    is_matched = (piece >= 0) & (times[samples] <= leave[np.maximum(piece, 0)] + _ROUNDING)
-    chosen = far[samples] & is_matched
-
-    # Runs of them that are long enough.
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], chosen.astype(np.int8), [0]))))
-    for begin, after in edges.reshape(-1, 2).tolist():
-        run = samples[begin:after]
-        line = np.asarray(track.positions, np.float64)[run]
-        metres = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-        if metres >= _MIN_METRES:
-            yield OffMap(float(times[run[0]]), float(times[run[-1]]), metres, line[len(line) // 2])

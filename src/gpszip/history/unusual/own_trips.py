@@ -7,15 +7,15 @@ and the other way round.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
-from gpszip.history.prediction.trips import MIN_STOP
 from gpszip.history.traversals import History, Traversals
+from gpszip.history.trips import TripRows, trips_of_history
+from gpszip.history.unusual.first_look import quick_bits, rarest_parts
 from gpszip.history.unusual.log_trips import LogTrip
 from gpszip.history.unusual.unusual import Usual
 from gpszip.model.unusual import Unusual, UnusualTrip
@@ -25,11 +25,9 @@ __all__ = ["Foresight", "OwnTrips", "score_own_trips"]
 #: Trips that teach, and trips that are scored, at least: with fewer, all are unusual.
 _MIN_TRIPS = 4
 
-#: Seconds without a traversal after which a new trip begins.
-_MIN_GAP = 300.0
-
-#: Traversals that are scored at most, those of the latest trips: 9 s of CPU on a log of buses.
-_MAX_SCORED = 30_000
+#: Traversals that are scored at most, those of the trips that a first look finds the rarest: 1 s of
+#: CPU on a log of buses.
+_MAX_SCORED = 6_000
 
 #: Decisions that are predicted at most: 0.2 s of CPU.
 _MAX_DECISIONS = 2_000
@@ -72,18 +70,21 @@ class OwnTrips:
     foresight : Foresight or None
         None where no trip comes to a crossing.
     left_out : int
-        Trips that were not scored: those before ``since``, and the oldest of very many.
+        Trips before ``since``.
+    usual : int
+        Trips, of very many, that a first look found to be usual, and that were not scored.
     """
 
     unusual: Unusual
     foresight: Foresight | None
     left_out: int
+    usual: int
 
 
 def score_own_trips(
     history: History,
     since: float | None = None,
-    spans: Sequence[tuple[str, float, float]] | None = None,
+    trips: TripRows | None = None,
     timezone: str | None = None,
 ) -> OwnTrips:
     """Score trips of an archive by what others of its trips did.
@@ -95,9 +96,8 @@ def score_own_trips(
     since : float, optional
         Trips that begin from this time on, in seconds, are scored by those before. By default,
         every second trip is scored by the others, and the other way round.
-    spans : sequence of (str, float, float), optional
-        Trips: name of the track, begin and end in seconds, such as those that lead from place to
-        place. By default, a trip ends with a gap or a stop of five minutes.
+    trips : TripRows, optional
+        The trips of the archive, where they are known.
     timezone : str, optional
         Time zone of hours; by default that of the place, else UTC.
 
@@ -123,13 +123,13 @@ def score_own_trips(
     (Unusual(20 trips, 0 absences), 0)
     """
     # Trips with times.
-    network, rows = history
-    rows = rows.take(np.isfinite(rows.enter))
-    if not len(rows):
+    network, rows = history.network, history.traversals
+    if not np.isfinite(rows.enter).any():
         raise OptionError("no track has times, so there are no trips to compare")
-    rows, first, times = _cut(rows, spans)
+    trips = trips_of_history(history) if trips is None else trips
+    rows, of_row, times = _take_timed(rows, trips)
+    first = np.flatnonzero(np.diff(of_row, prepend=-1))
     end = np.append(first[1:], len(rows)) if len(first) else first
-    of_row = np.repeat(np.arange(len(first)), end - first)
 
     # Which of them teach which others: by their places in the order of time.
     place = np.empty(len(first), np.int64)
@@ -138,11 +138,12 @@ def score_own_trips(
     if min(after.sum(), (~after).sum()) < _MIN_TRIPS:
         raise OptionError("there are too few trips to tell what is usual")
 
-    # The latest ones, if there are many.
-    latest = np.argsort(-place)
-    is_scored = np.zeros(len(first), np.bool_)
-    is_scored[latest[np.cumsum((end - first)[latest]) <= _MAX_SCORED]] = True
+    # The rarest ones at a first look, if there are many.
     folds = [(after, ~after)] if since is not None else [(after, ~after), (~after, after)]
+    rarest = np.full(len(first), -1.0)
+    for asked, known in folds:
+        rarest[asked] = rarest_parts(quick_bits(rows, known[of_row]), first)[asked]
+    is_scored = _choose(end - first, rarest, _MAX_SCORED)
 
     # Learn from one part, and score the other one.
     scored: dict[int, UnusualTrip] = {}
@@ -159,73 +160,26 @@ def score_own_trips(
 
     # All of them.
     found = Unusual(tuple(scored[trip] for trip in sorted(scored)), (), network.plane is not None)
-    return OwnTrips(found, _sum_up(told), len(first) - len(scored))
+    left_out = int((rarest < 0).sum())
+    return OwnTrips(found, _sum_up(told), left_out, len(first) - left_out - len(scored))
 
 
-def _cut(
-    rows: Traversals, spans: Sequence[tuple[str, float, float]] | None
-) -> tuple[Traversals, Ints, Floats]:
-    """Cut traversals into trips.
-
-    Parameters
-    ----------
-    rows : Traversals
-        With times.
-    spans : sequence of (str, float, float), optional
-        Trips; by default they end with gaps and long stops.
-
-    Returns
-    -------
-    Traversals
-        Those that belong to trips.
-    first : int64 array, shape (m,)
-        First traversal of each trip.
-    times : float64 array, shape (m, 2)
-        Begin and end of each in seconds.
-    """
-    # Gaps and stops.
-    if spans is None:
-        first = np.flatnonzero(_trip_begins(rows))
-        last = np.append(first[1:], len(rows)) - 1
-        return rows, first, np.stack([rows.enter[first], rows.leave[last]], axis=1)
-
-    # Spans, as far as anything was travelled in them.
-    number = _number_spans(rows, spans)
-    rows, number = rows.take(number >= 0), number[number >= 0]
-    first = np.flatnonzero(np.diff(number, prepend=-1))
-    times = np.array([spans[each][1:] for each in number[first].tolist()], np.float64)
-    return rows, first, times.reshape(-1, 2)
+def _choose(sizes: Ints, rarest: Floats, most: int) -> Mask:
+    """Which trips are scored: the rarest that fit in together, one at least; none below zero."""
+    is_chosen = np.zeros(len(sizes), np.bool_)
+    left = most
+    for trip in np.argsort(-rarest, kind="stable").tolist():
+        if rarest[trip] >= 0 and (sizes[trip] <= left or left == most):
+            is_chosen[trip] = True
+            left -= int(sizes[trip])
+    return is_chosen
 
 
-def _trip_begins(rows: Traversals) -> Mask:
-    """Whether a trip begins with each traversal: at a track's start, after a gap or a long stop."""
-    stood = np.append(True, np.nan_to_num(rows.standing) >= MIN_STOP)[: len(rows)]
-    is_other = np.append(True, np.diff(rows.track) != 0)[: len(rows)]
-    gap = np.append(0.0, rows.enter[1:] - rows.leave[:-1])[: len(rows)]
-    begins: Mask = stood | is_other | (gap >= _MIN_GAP)
-    return begins
-
-
-def _number_spans(rows: Traversals, spans: Sequence[tuple[str, float, float]]) -> Ints:
-    """Last span with which each traversal has some time in common, shape (n,); -1 for none."""
-    # Spans by their tracks.
-    by_track: dict[str, list[tuple[float, float, int]]] = {}
-    for i, (name, start, end) in enumerate(spans):
-        by_track.setdefault(name, []).append((start, end, i))
-
-    # The last one that begins before each traversal ends.
-    number = np.full(len(rows), -1, np.int64)
-    bounds = np.searchsorted(rows.track, np.arange(len(rows.ids) + 1)).tolist()
-    for track, id in enumerate(rows.ids):
-        if id not in by_track:
-            continue
-        own = sorted(by_track[id])
-        starts, ends, numbers = (np.array(each) for each in zip(*own, strict=True))
-        part = slice(bounds[track], bounds[track + 1])
-        last = np.searchsorted(starts, rows.leave[part]) - 1
-        is_inside = (last >= 0) & (rows.enter[part] < ends[last])
-        number[part] = np.where(is_inside, numbers[last], -1)
-    return number
+def _take_timed(rows: Traversals, trips: TripRows) -> tuple[Traversals, Ints, Floats]:
+    """Traversals of trips with times, the trip of each, and the times of all these trips."""
+    kept = (trips.of >= 0) & np.isfinite(rows.enter)
+    number, of = np.unique(trips.of[kept], return_inverse=True)
+    return rows.take(kept), of.reshape(-1), trips.times[number]
 
 
 def _predict(usual: Usual, rows: Traversals, asked: Mask, most: int) -> list[tuple[float, bool]]:

@@ -22,12 +22,14 @@ from gpszip.geo.planes import to_geographic
 from gpszip.history.prediction.predictor import Predictor
 from gpszip.history.prediction.read_route import tell_route
 from gpszip.history.traversals import History, Traversals
+from gpszip.history.trips import trips_of_tracks
 from gpszip.history.unusual.absences import find_absences
-from gpszip.history.unusual.log_trips import LogTrip, find_far_samples, list_trips
+from gpszip.history.unusual.log_trips import LogTrip, list_trips
 from gpszip.history.unusual.pass_index import index_passes
 from gpszip.history.unusual.route_surprise import Part, direction_bits, surprising_parts, turn_bits
 from gpszip.history.unusual.usual import learn_paces, learn_stops, pace_groups
-from gpszip.model import Network, Plane, Track
+from gpszip.matching.reach import choose_reach
+from gpszip.model import Plane, Track
 from gpszip.model.unusual import Anomaly, Unusual, UnusualTrip
 
 __all__ = ["Usual", "find_unusual"]
@@ -58,7 +60,6 @@ def find_unusual(
     usual: Usual,
     tracks: Sequence[Track],
     traversals: Traversals,
-    network: Network | None = None,
 ) -> Unusual:
     """Score the trips of a log.
 
@@ -70,16 +71,14 @@ def find_unusual(
         The log, with times, on the plane of the archive.
     traversals : Traversals
         Traversals of the log on the archive's network; ``track`` are indices of ``tracks``.
-    network : Network, optional
-        That network on the plane of the log, if it is not that of the archive.
 
     Returns
     -------
     Unusual
         Each trip with its score and its unusual parts, in the order of the log.
     """
-    far = find_far_samples(tracks, network or usual.network)
-    listed = list_trips(tracks, traversals, far)
+    found = trips_of_tracks(tracks, usual.predictor.trips)
+    listed = list_trips(tracks, traversals, found, choose_reach(usual.network))
     trips = [
         usual.score(trip, tracks[trip.track].id, traversals, tracks[trip.track].plane)
         for trip in listed
@@ -100,7 +99,7 @@ class Usual:
     """
 
     def __init__(self, history: History, timezone: str | None = None) -> None:
-        self.network, self.rows = history
+        self.network, self.rows = history.network, history.traversals
         rows = self.rows
         self.predictor = Predictor(history, timezone=timezone)
         self.model = self.predictor.model

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from gpszip.history.groups import sum_by
 from gpszip.history.traversals import Traversals
-from gpszip.history.usage import find_jumps
 from gpszip.model import Network
 
 __all__ = ["Paces", "Stops", "learn_paces", "learn_stops", "pace_groups"]
@@ -155,7 +154,7 @@ def _tells_pace(network: Network, rows: Traversals) -> NDArray[np.bool_]:
     """Whether each traversal is of most of an edge, with times, and no jump of the receiver."""
     moving = np.nan_to_num(_moving(rows))
     is_long = rows.metres >= np.maximum(_MIN_SHARE * network.lengths[rows.edge], _MIN_METRES)
-    tells: NDArray[np.bool_] = is_long & (moving > 0) & ~find_jumps(rows)
+    tells: NDArray[np.bool_] = is_long & (moving > 0) & ~rows.jumps
     return tells
 
 

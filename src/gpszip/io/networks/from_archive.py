@@ -94,4 +94,15 @@ def clean_map_lines(clean_map: CleanMap, name: str) -> RoadLines:
         users=np.full(count, RoadUsers.ANYBODY, np.uint8),
         ids=pa.array([str(i) for i in range(count)], pa.string()),
         names=pa.nulls(count, pa.string()),
+        error=_median_width(clean_map),
     )
+
+
+def _median_width(clean_map: CleanMap) -> float | None:
+    """Width of half of all metres of edges, the error of a map; None where no edge has any."""
+    known = np.flatnonzero(np.isfinite(clean_map.width))
+    if not len(known):
+        return None
+    order = known[np.argsort(clean_map.width[known], kind="stable")]
+    travelled = np.cumsum(clean_map.length[order])
+    return float(clean_map.width[order][np.searchsorted(travelled, travelled[-1] / 2)])

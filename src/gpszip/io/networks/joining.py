@@ -72,6 +72,8 @@ class RoadGraph:
         As in :class:`RoadLines`.
     repairs : tuple of Repair
         What was repaired.
+    error : float or None
+        As in :class:`RoadLines`.
     """
 
     name: str
@@ -88,6 +90,7 @@ class RoadGraph:
     ids: Any
     names: Any
     repairs: tuple[Repair, ...] = field(default=())
+    error: float | None = None
 
     def __len__(self) -> int:
         return len(self.starts)
@@ -166,6 +169,7 @@ def build_road_graph(lines: RoadLines) -> RoadGraph:
         ids=lines.ids,
         names=lines.names,
         repairs=tuple(repairs),
+        error=lines.error,
     )
 
 

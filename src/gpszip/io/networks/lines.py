@@ -87,6 +87,8 @@ class RoadLines:
         Whether the source has one line for each direction; None if the lines have to show it.
     repairs : tuple of Repair
         What the reader repaired.
+    error : float or None
+        Error in metres of lines that were learned from logs.
     """
 
     name: str
@@ -101,6 +103,7 @@ class RoadLines:
     names: Any
     directed: bool | None = False
     repairs: tuple[Repair, ...] = field(default=())
+    error: float | None = None
 
     def __len__(self) -> int:
         return len(self.offsets) - 1

@@ -396,6 +396,7 @@ def _assemble(roads: RoadGraph, plane_roads: Sequence[_PlaneRoads], plane: Plane
         ids=TextColumn(roads.ids.take(pa.array(chosen))),
         names=_take_street_names(roads, chosen),
         plane=plane,
+        error=roads.error,
     )
 
 
@@ -506,7 +507,14 @@ def _concatenate(lines_read: Sequence[RoadLines]) -> RoadLines:
         names=pa.concat_arrays([lines.names for lines in lines_read]),
         directed=False if any(lines.directed is False for lines in lines_read) else None,
         repairs=tuple(repair for lines in lines_read for repair in lines.repairs),
+        error=_largest_error(lines_read),
     )
+
+
+def _largest_error(lines_read: Sequence[RoadLines]) -> float | None:
+    """Largest error of learned maps; None with roads that were not learned."""
+    errors = [lines.error for lines in lines_read if lines.error is not None]
+    return max(errors) if len(errors) == len(lines_read) else None
 
 
 def is_archive(source: Any) -> bool:

@@ -13,7 +13,7 @@ from gpszip.archive import Archive
 from gpszip.geo.planes import to_geographic
 from gpszip.history.calendar import Calendar
 from gpszip.history.traversals import History, Traversals
-from gpszip.history.usage import find_jumps, traversal_speeds
+from gpszip.history.usage import traversal_speeds
 from gpszip.model import Network, ReadResult
 from gpszip.pipeline.findings import Findings
 from gpszip.simplification.traversals import grouped_quantiles
@@ -137,11 +137,11 @@ def _tell_period(found: Findings, archive: Archive, timed: Traversals | None) ->
 
 def _sum_travel(found: Findings, history: History) -> Numbers:
     """All travel together; jumps of the receiver have neither speed nor time."""
-    network, rows = history
-    jumps = find_jumps(rows)
+    network, rows = history.network, history.traversals
+    jumps = rows.jumps
     moving = np.where(jumps, np.nan, np.maximum(rows.leave - rows.enter - rows.standing, 0.0))
     seconds = float(np.nansum(moving))
-    metres = float(rows.metres.sum())
+    metres = float(rows.travelled.sum())
     return {
         "tracks": len(np.unique(rows.track)),
         "metres": _known(metres, 1),
@@ -188,7 +188,7 @@ def _count_activity(found: Findings, timed: Traversals | None) -> Numbers | None
     local = calendar.local(timed.enter)
     unit, number = _choose_periods(local, dated=bool(calendar.name))
     first, count = int(number(local).min()), int(np.ptp(number(local))) + 1
-    metres = np.bincount((number(local) - first).astype(int), timed.metres, minlength=count)
+    metres = np.bincount((number(local) - first).astype(int), timed.travelled, minlength=count)
 
     # Trips begin in a period of the traversals, or there are none.
     trips = None
@@ -277,7 +277,7 @@ def _list_places(found: Findings) -> list[Numbers] | None:
 def _metres_by_hour(calendar: Calendar, timed: Traversals) -> list[float]:
     """Metres travelled in each hour of the week, from Monday 0 o'clock."""
     slot = hours_of_week(calendar, timed.enter)
-    metres = np.bincount(slot, timed.metres, minlength=_WEEK_HOURS)
+    metres = np.bincount(slot, timed.travelled, minlength=_WEEK_HOURS)
     return [round(each, 1) for each in metres.tolist()]
 
 
@@ -309,7 +309,7 @@ def _speeds_by_hour(calendar: Calendar, timed: Traversals) -> list[Numbers]:
 def _list_edges(history: History) -> list[Numbers]:
     """The edges that are travelled most."""
     # Traversals of half of the edge or more, by direction.
-    network, rows = history
+    network, rows = history.network, history.traversals
     counted = rows.metres >= _MIN_SHARE * network.lengths[rows.edge]
     forward = np.bincount(rows.edge[counted & rows.forward], minlength=len(network))
     backward = np.bincount(rows.edge[counted & ~rows.forward], minlength=len(network))
@@ -383,6 +383,7 @@ def _list_unusual(found: Findings) -> Numbers | None:
     return {
         "trips": len(own.unusual),
         "left_out": own.left_out,
+        "usual": own.usual,
         "rows": [
             {
                 "track": trip.track,

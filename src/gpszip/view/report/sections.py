@@ -350,6 +350,8 @@ def _write_unusual(numbers: Numbers, calendar: Calendar) -> str:
         f"{_strong(count_text(unusual['trips'], 'trip'))} were compared with what others did: "
         "each bit of a score is a factor of two in probability."
     )
+    if unusual["usual"]:
+        text += f" At a first look, {count_text(unusual['usual'], 'further trip')} went as usual."
     if unusual["left_out"]:
         text += f" Not scored: {count_text(unusual['left_out'], 'earlier trip')}."
     if not unusual["rows"]:

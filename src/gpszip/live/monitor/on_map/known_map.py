@@ -11,7 +11,6 @@ from gpszip.archive import Archive
 from gpszip.errors import InputError
 from gpszip.geo.planes import PLANE_RADIUS, to_plane
 from gpszip.history.prediction.predictor import Predictor
-from gpszip.history.prediction.trips import cut_trips
 from gpszip.history.rounds import find_rounds
 from gpszip.history.traversals import read_history
 from gpszip.history.unusual.unusual import Usual
@@ -158,7 +157,7 @@ class KnownMap:
 
     def _find_trip_ends(self) -> Floats:
         """Positions at which the trips of the archive end, shape (t, 2)."""
-        last = cut_trips(self.rows).after - 1
+        last = self.predictor.trips.after - 1
         places = zip(self.rows.edge[last].tolist(), self.rows.end[last].tolist(), strict=True)
         positions = [self._position_on(edge, end)[:2] for edge, end in places]
         return np.array(positions, np.float64).reshape(-1, 2)

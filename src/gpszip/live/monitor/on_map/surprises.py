@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gpszip.history.prediction.trips import MIN_STOP
+from gpszip.history.trips import MIN_STOP
 from gpszip.history.unusual.route_surprise import direction_bits
 from gpszip.live.fix import Fix, distance
 from gpszip.live.monitor.known import Finding
