@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.history.prediction.trips import MIN_STOP
+from gpszip.history.trips import MIN_STOP
 from gpszip.live.events import Event
 from gpszip.live.fix import Fix
 from gpszip.live.monitor.known import Finding

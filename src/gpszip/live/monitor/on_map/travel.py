@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gpszip.errors import TrackError
 from gpszip.geo.planes import to_plane
-from gpszip.history.prediction.trips import MIN_STOP
+from gpszip.history.trips import MIN_STOP
 from gpszip.live.fix import Fix
 from gpszip.live.monitor.known import Finding
 from gpszip.live.monitor.on_map.known_map import KnownMap
