@@ -18,6 +18,8 @@ from gpszip.live.monitor.on_map.known_map import KnownMap
 from gpszip.live.monitor.on_map.new_edges import NewEdges
 from gpszip.live.monitor.on_map.watch import MapWatch
 from gpszip.live.monitor.stays import STAY_KINDS
+from gpszip.model import Plane
+from gpszip.model.projection import map_coordinates
 from gpszip.pipeline.match import network_for
 from gpszip.testing import close_road, shuttles
 
@@ -181,6 +183,21 @@ def test_leaving_the_map_is_told_once_and_coming_back_too(road):
     places += [(400.0 + 50 * n, 0.0) for n in range(8)]
     kinds = [event.kind for event in drive(road, places) if event.kind.startswith("off_map")]
     assert kinds == ["off_map.start", "off_map.end"]
+
+
+def test_a_jump_to_another_country_ends_travel_where_it_was_seen_last():
+    # Away from the map, and on in another country before three positions say so.
+    plane = Plane(((480_000_000, 115_000_000),))
+    track = replace(straight_map(), plane=plane)
+    monitor = monitor_on(KnownMap(gpszip.compress(track, rmse=2.0, effort=1)))
+    places = [*[(50.0 * n, 0.0) for n in range(9)], *[(400.0, -60.0 * n) for n in range(1, 4)]]
+    degrees = map_coordinates(np.array(places), plane).tolist() + [[51.0, 11.5]] * 5
+    found = []
+    for number, place in enumerate(degrees):
+        time = 1.75e9 + 5.0 * number
+        found += monitor.push(Fix("van", "test", time, time, tuple(place)))
+    (away,) = (event for event in found + monitor.close() if event.kind == "off_map.start")
+    assert away.position == tuple(degrees[9])
 
 
 def test_a_stop_where_nobody_stops_is_told_once(road):

@@ -121,11 +121,14 @@ class AgentMonitor:
         capacity : int
             Fixes that may be kept.
         """
+        # Far away, another log begins: travel ends while the window has its fixes.
         events = self._sources.take(fix)
         if self._stays.is_far(fix):
-            events += self._stays.cut(fix.received)
             if self.on_map is not None:
                 events += self.on_map.cut(fix.received)
+            events += self._stays.cut(fix.received)
+
+        # What the fix tells: stays before travel, which depends on them.
         self._window.add(fix)
         events += self._gaps.take(fix.received, self._stays.settled)
         events += self._stays.take(fix, capacity)
