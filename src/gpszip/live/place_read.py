@@ -18,6 +18,10 @@ _STATE = "monitor"
 _VERSION = 2
 
 
+class _VersionError(ValueError):
+    """The state was saved by another version of GPSZip."""
+
+
 class PlaceRead(NamedTuple):
     """A place in a journal up to which events are found.
 
@@ -46,7 +50,7 @@ class PlaceRead(NamedTuple):
         """Read the first line of a state; a ValueError, KeyError or TypeError if it is none."""
         row = json.loads(line)
         if row["version"] != _VERSION:
-            raise ValueError(f"version {row['version']}")
+            raise _VersionError(f"it has version {row['version']}, and this GPSZip reads {_VERSION}")
         return cls(int(row["segment"]), int(row["offset"]))
 
     def is_past(self, path: Path) -> bool:
@@ -68,21 +72,23 @@ def read_place(folder: Path) -> PlaceRead | None:
     Raises
     ------
     InputError
-        If the state can't be read.
+        If the state can't be read, or is one of another version.
     """
     try:
         with state_path(folder).open(encoding="ascii") as file:
             return PlaceRead.from_json(file.readline())
     except FileNotFoundError:
         return None
+    except _VersionError as error:
+        raise state_error(folder, f": {error}") from error
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise state_error(folder) from error
 
 
-def state_error(folder: Path) -> InputError:
+def state_error(folder: Path, reason: str = "") -> InputError:
     """The error of a state that can't be read."""
     return InputError(
-        "the state of the monitor can't be read",
+        f"the state of the monitor can't be read{reason}",
         path=state_path(folder),
         remedy="remove the file; the journal is then read from its start",
     )
