@@ -14,8 +14,10 @@ from gpszip.cli.schemas import EVENT
 from gpszip.history.changes.closures import find_closures
 from gpszip.history.traversals import match_traversals
 from gpszip.live.events import standing
+from gpszip.live.monitor.on_map.closures import ClosureWatch
 from gpszip.live.monitor.on_map.known_map import KnownMap
 from gpszip.live.monitor.on_map.new_edges import NewEdges
+from gpszip.live.monitor.on_map.passes import Pass
 from gpszip.live.monitor.on_map.watch import MapWatch
 from gpszip.live.monitor.stays import STAY_KINDS
 from gpszip.model import Plane
@@ -325,6 +327,19 @@ def test_a_closed_road_is_told_and_an_open_one_is_not(known_map, closed, events)
         for edge, time in zip(batch.directed.tolist(), batch.detected.tolist(), strict=True)
     }
     assert not [event for event in standing(events) if event.kind == "closed"]
+
+
+def test_agents_that_are_forgotten_with_their_passes_leave_nothing(known_map, monkeypatch):
+    monkeypatch.setattr("gpszip.live.monitor.on_map.closures._MAX_PASSES", 8)
+    watch = ClosureWatch(known_map)
+    for number in range(16):
+        time = 1.75e9 + number
+        agent = f"agent {number}"
+        watch.take(agent, 0, [Pass(0, time, 0.0, True, 10.0, time + 0.5)], time + 0.5)
+        watch.forget(agent)
+    watch.look(time)
+    row = watch.to_row()
+    assert list(row["passes"]) == list(row["first"]) == [f"agent {n}" for n in range(8, 16)]
 
 
 def test_a_path_off_the_map_is_a_new_edge_the_second_time(fleet, known_map):

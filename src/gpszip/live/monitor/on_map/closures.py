@@ -52,7 +52,8 @@ class ClosureWatch:
         self._known = KnownEvents("", geographic=known_map.plane is not None)
         self._history = known_map.rows.take(np.isfinite(known_map.rows.enter))
         self._passes: dict[str, list[Row]] = {}
-        # Number that the first pass of an agent has among all that it travelled.
+        # Number that the first pass of an agent has among all that it travelled; negative for those
+        # from before it was forgotten.
         self._first: dict[str, int] = {}
         self._count = 0
         self._new = 0
@@ -205,18 +206,21 @@ class ClosureWatch:
 
     def _forget(self) -> float:
         """Forget the earliest half of all passes; return the time up to which that is."""
+        # What is later is kept.
         times = [row[1] for passes in self._passes.values() for row in passes]
         limit = float(np.median(times))
         for agent, passes in list(self._passes.items()):
             kept = [row for row in passes if row[1] > limit]
-            if not kept:
-                del self._passes[agent]
-                self._first[agent] = self._first.get(agent, 0) + len(passes)
-                continue
             self._first[agent] = self._first.get(agent, 0) + len(passes) - len(kept)
-            # The first one does not go on from any that is left.
-            self._passes[agent] = [(*kept[0][:-1], True), *kept[1:]]
+            if kept:
+                # The first one does not go on from any that is left.
+                self._passes[agent] = [(*kept[0][:-1], True), *kept[1:]]
+            else:
+                del self._passes[agent]
         self._count = sum(map(len, self._passes.values()))
+
+        # Agents that are forgotten and of which no pass is left count from 0 again.
+        self._first = {agent: first for agent, first in self._first.items() if first}
         return limit
 
     def to_row(self) -> dict[str, Any]:
