@@ -50,7 +50,9 @@ class PlaceRead(NamedTuple):
         """Read the first line of a state; a ValueError, KeyError or TypeError if it is none."""
         row = json.loads(line)
         if row["version"] != _VERSION:
-            raise _VersionError(f"it has version {row['version']}, and this GPSZip reads {_VERSION}")
+            raise _VersionError(
+                f"it has version {row['version']}, and this GPSZip reads {_VERSION}"
+            )
         return cls(int(row["segment"]), int(row["offset"]))
 
     def is_past(self, path: Path) -> bool:

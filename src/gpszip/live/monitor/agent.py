@@ -9,6 +9,7 @@ from gpszip.history.stays.values import Settings
 from gpszip.live.events import Event
 from gpszip.live.fix import Fix
 from gpszip.live.monitor.gaps import GapTracker
+from gpszip.live.monitor.json_times import time_from_json, time_to_json
 from gpszip.live.monitor.known import KnownEvents
 from gpszip.live.monitor.reorder import ReorderBuffer
 from gpszip.live.monitor.sources import SourceTracker
@@ -194,7 +195,7 @@ class AgentMonitor:
             "silent": self._gaps.is_silent,
             "sources": self._sources.to_row(),
             "used": None if self._used is None else self._used.to_row(),
-            "late": [_finite(self._first_late), _finite(self.reading_due)],
+            "late": [time_to_json(self._first_late), time_to_json(self.reading_due)],
             "on_map": None if self.on_map is None else self.on_map.to_row(),
         }
 
@@ -212,11 +213,7 @@ class AgentMonitor:
         self._sources.restore(row["sources"])
         self._used = None if row["used"] is None else Fix.from_row(row["used"])
         self._first_late, self.reading_due = (
-            math.inf if each is None else each for each in row["late"]
+            time_from_json(each, math.inf) for each in row["late"]
         )
         if self.on_map is not None and row["on_map"] is not None:
             self.on_map.restore(row["on_map"])
-
-
-def _finite(time: float) -> float | None:
-    return time if math.isfinite(time) else None

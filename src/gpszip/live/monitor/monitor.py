@@ -15,6 +15,7 @@ from gpszip.history.stays.values import Settings
 from gpszip.live.events import Event
 from gpszip.live.fix import Fix
 from gpszip.live.monitor.agent import AgentMonitor
+from gpszip.live.monitor.json_times import time_from_json, time_to_json
 from gpszip.live.monitor.sources import MAX_AHEAD
 
 if TYPE_CHECKING:
@@ -208,7 +209,7 @@ class Monitor:
     def states(self) -> Iterator[dict[str, Any]]:
         """Yield the state as values of JSON: first of the monitor, then of each agent."""
         watch = None if self._watch is None else self._watch.to_row()
-        head = {"clock": _finite(self._clock), "seq": self.seq, "watch": watch}
+        head = {"clock": time_to_json(self._clock), "seq": self.seq, "watch": watch}
         yield head | {"map": None if self._map is None else self._map.fingerprint}
         for agent in self._agents.values():
             yield agent.to_row() | {"heard": agent.agent in self._heard}
@@ -219,7 +220,7 @@ class Monitor:
         rows = iter(states)
         head = next(rows)
         is_same_map = self._map is not None and head["map"] == self._map.fingerprint
-        self._clock = -math.inf if head["clock"] is None else head["clock"]
+        self._clock = time_from_json(head["clock"])
         self.seq = head["seq"]
         if self._watch is not None and is_same_map:
             self._watch.restore(head["watch"])
@@ -376,7 +377,3 @@ def _read_map(
     known = archive if isinstance(archive, Archive) else open_archive(archive)
     known_map = KnownMap(known, scales)
     return known_map, MapWatch(known_map)
-
-
-def _finite(number: float) -> float | None:
-    return number if math.isfinite(number) else None

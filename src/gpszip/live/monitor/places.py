@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.live.fix import Fix, distance
+from gpszip.live.monitor.json_times import time_from_json, time_to_json
 
 __all__ = ["VisitedPlaces"]
 
@@ -78,10 +79,10 @@ class VisitedPlaces:
 
     def to_row(self) -> list[Any]:
         """Return the state as a value of JSON."""
-        return [None if self.until == float("-inf") else self.until, self._centres]
+        return [time_to_json(self.until), self._centres]
 
     def restore(self, row: Sequence[Any]) -> None:
         """Take over what :meth:`to_row` returned."""
         until, centres = row
-        self.until = float("-inf") if until is None else until
+        self.until = time_from_json(until)
         self._centres = [(tuple(centre), count) for centre, count in centres]

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from typing import Any, NamedTuple
 
+from gpszip.live.monitor.json_times import time_from_json, time_to_json
 from gpszip.live.monitor.window import Window
 
 __all__ = ["StayTime", "StayTimes"]
@@ -132,20 +133,15 @@ class StayTimes:
     def to_row(self) -> dict[str, Any]:
         """Return the stays as a value of JSON."""
         return {
-            "stays": [[start, _finite(end)] for start, end in self._stays],
+            "stays": [[start, time_to_json(end)] for start, end in self._stays],
             "goes_on": self._goes_on,
-            "leaving": _finite(self._leaving),
+            "leaving": time_to_json(self._leaving),
         }
 
     def restore(self, row: Mapping[str, Any]) -> None:
         """Know what :meth:`to_row` returned."""
-        self._stays = [StayTime(start, _infinite(end)) for start, end in row["stays"]]
-        self._goes_on, self._leaving = row["goes_on"], _infinite(row["leaving"])
-
-
-def _finite(time: float) -> float | None:
-    return time if math.isfinite(time) else None
-
-
-def _infinite(time: float | None) -> float:
-    return math.inf if time is None else time
+        self._stays = [
+            StayTime(start, time_from_json(end, math.inf)) for start, end in row["stays"]
+        ]
+        self._goes_on = row["goes_on"]
+        self._leaving = time_from_json(row["leaving"], math.inf)

@@ -21,6 +21,7 @@ from gpszip.history.stays.measure import measure_travel
 from gpszip.history.stays.values import Move, Settings, Stop, Timeline
 from gpszip.live.events import Event
 from gpszip.live.fix import Fix, distance
+from gpszip.live.monitor.json_times import time_from_json, time_to_json
 from gpszip.live.monitor.known import Finding, KnownEvents
 from gpszip.live.monitor.places import VisitedPlaces
 from gpszip.live.monitor.stay_times import StayTimes
@@ -186,10 +187,10 @@ class StayTracker:
         place = self._place
         return {
             "place": None if place is None else [place.position, place.since],
-            "last_reading": _finite(self._last_reading),
+            "last_reading": time_to_json(self._last_reading),
             "outside": self._outside,
-            "settled": _finite(self.settled),
-            "anchor": _finite(self._anchor),
+            "settled": time_to_json(self.settled),
+            "anchor": time_to_json(self._anchor),
             "anchors": self._anchors,
             "places": self._places.to_row(),
             "open": self._is_open,
@@ -201,10 +202,10 @@ class StayTracker:
         if row["place"] is not None:
             position, since = row["place"]
             self._place = _Place(tuple(position), since)
-        self._last_reading = _infinite(row["last_reading"])
+        self._last_reading = time_from_json(row["last_reading"])
         self._outside = row["outside"]
-        self.settled = _infinite(row["settled"])
-        self._anchor, self._anchors = _infinite(row["anchor"]), list(row["anchors"])
+        self.settled = time_from_json(row["settled"])
+        self._anchor, self._anchors = time_from_json(row["anchor"]), list(row["anchors"])
         self._places.restore(row["places"])
         self._is_open = row["open"]
         self.times.restore(row["times"])
@@ -400,11 +401,3 @@ def _trip_end(line: Timeline, move: Move, finish: tuple[float, ...]) -> Finding:
 def _coordinates(position: Floats, plane: Plane | None) -> tuple[float, ...]:
     row: Sequence[float] = map_coordinates(position[None], plane)[0].tolist()
     return tuple(row)
-
-
-def _finite(time: float) -> float | None:
-    return time if math.isfinite(time) else None
-
-
-def _infinite(time: float | None) -> float:
-    return -math.inf if time is None else time

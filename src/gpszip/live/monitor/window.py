@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.live.fix import Fix
+from gpszip.live.monitor.json_times import time_from_json, time_to_json
 from gpszip.live.monitor.reorder import is_better
 
 __all__ = ["Window"]
@@ -166,7 +167,7 @@ class Window:
             # Most agents have none.
             "heading": None if all(map(math.isnan, self._heading)) else _without_nan(self._heading),
             "dimension": self._dimension,
-            "complete_after": self.complete_after if math.isfinite(self.complete_after) else None,
+            "complete_after": time_to_json(self.complete_after),
         }
 
     def restore(self, rows: dict[str, Any]) -> None:
@@ -179,8 +180,7 @@ class Window:
             for stated in (rows["accuracy"], rows["heading"])
         )
         self._dimension = rows["dimension"]
-        complete = rows["complete_after"]
-        self.complete_after = -math.inf if complete is None else complete
+        self.complete_after = time_from_json(rows["complete_after"])
 
 
 def _without_nan(column: array[float]) -> list[float | None]:

@@ -11,6 +11,7 @@ import numpy as np
 from gpszip.history.changes.closures import Closures, choose_threshold, find_closures
 from gpszip.history.traversals import Traversals
 from gpszip.live.events import Event
+from gpszip.live.monitor.json_times import time_from_json, time_to_json
 from gpszip.live.monitor.known import Finding, KnownEvents
 from gpszip.live.monitor.on_map.known_map import KnownMap
 from gpszip.live.monitor.on_map.passes import Pass
@@ -225,12 +226,11 @@ class ClosureWatch:
 
     def to_row(self) -> dict[str, Any]:
         """Return the state as a value of JSON."""
-        last = self._last_look if math.isfinite(self._last_look) else None
         return {
             "passes": self._passes,
             "first": self._first,
             "known": self._known.to_rows(),
-            "last": last,
+            "last": time_to_json(self._last_look),
             "new": self._new,
         }
 
@@ -243,7 +243,7 @@ class ClosureWatch:
         self._first = dict(row["first"])
         self._count = sum(map(len, self._passes.values()))
         self._known.restore(row["known"])
-        self._last_look = -math.inf if row["last"] is None else row["last"]
+        self._last_look = time_from_json(row["last"])
         self._new = row["new"]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.live.events import Event
+from gpszip.live.monitor.json_times import time_from_json, time_to_json
 from gpszip.live.monitor.known import Finding, KnownEvents
 from gpszip.live.monitor.on_map.known_map import KnownMap
 from gpszip.model.projection import map_coordinates
@@ -147,7 +148,7 @@ class NewEdges:
         return {
             "travels": [[*each[:-1], each.path.tolist()] for each in every],
             "known": self._known.to_rows(),
-            "settled": self._settled if math.isfinite(self._settled) else None,
+            "settled": time_to_json(self._settled),
         }
 
     def restore(self, row: dict[str, Any]) -> None:
@@ -158,7 +159,7 @@ class NewEdges:
             owner = travel.agent if travel.number >= 0 else ""
             self._travels.setdefault(owner, []).append(travel)
         self._known.restore(row["known"])
-        self._settled = -math.inf if row["settled"] is None else row["settled"]
+        self._settled = time_from_json(row["settled"])
 
 
 def _sampled(positions: Floats) -> tuple[float, Floats]:

@@ -7,6 +7,7 @@ from typing import Any
 
 from gpszip.errors import OptionError
 from gpszip.history.prediction.read_route import tell_route
+from gpszip.live.monitor.json_times import time_from_json, time_to_json
 from gpszip.live.monitor.known import Finding
 from gpszip.live.monitor.on_map.known_map import KnownMap
 from gpszip.live.monitor.text import duration_text
@@ -187,7 +188,7 @@ class Outlook:
         return {
             "route": self.route,
             "times": self.times,
-            "last": self._last if self.route else None,
+            "last": time_to_json(self._last),
             "goal": None if self._goal is None else astuple(self._goal),
             "path": self._path,
             "late": self._is_late,
@@ -196,7 +197,7 @@ class Outlook:
     def restore(self, row: dict[str, Any]) -> None:
         """Take over what :meth:`to_row` returned."""
         self.route, self.times = list(row["route"]), list(row["times"])
-        self._last = float("-inf") if row["last"] is None else row["last"]
+        self._last = time_from_json(row["last"])
         self._goal = None if row["goal"] is None else _Goal(*row["goal"])
         self._path = None if row["path"] is None else (row["path"][0], row["path"][1])
         self._is_late = row["late"]

@@ -21,11 +21,13 @@ from numpy.typing import NDArray
 from gpszip.history.trips import MIN_STOP
 from gpszip.live.events import Event
 from gpszip.live.fix import Fix
+from gpszip.live.monitor.json_times import time_from_json, time_to_json
 from gpszip.live.monitor.known import Finding
 from gpszip.live.monitor.on_map.known_map import KnownMap
 from gpszip.live.monitor.on_map.passes import Pass
 from gpszip.live.monitor.on_map.told import ToldFindings
 from gpszip.live.monitor.on_map.travel import TravelReader
+from gpszip.live.monitor.on_map.travelled import Travelled
 from gpszip.live.monitor.stay_times import StayTimes
 from gpszip.live.monitor.window import Window
 
@@ -94,6 +96,16 @@ class MapTracker:
         self.read_again = 0
 
     @property
+    def passes(self) -> Travelled[Pass]:
+        """Passes that are over, for those who watch all agents."""
+        return self._reader.passes
+
+    @property
+    def paths(self) -> Travelled[tuple[Floats, float]]:
+        """Paths off the map, and when each ended."""
+        return self._reader.paths
+
+    @property
     def has_matcher(self) -> bool:
         """Whether the agent has a matcher, which takes memory."""
         return self._reader.matcher is not None
@@ -108,8 +120,11 @@ class MapTracker:
         capacity : int
             Fixes that the window may hold.
         """
+        # The state before the first fix.
         if not self._kept:
             self._keep(self._told.count)
+
+        # What was told as if no fix followed, or as of other stays, is revised.
         since = self._stays.take_changed()
         if self._is_finished or math.isfinite(since):
             events = self._read_again(since, received)
@@ -156,37 +171,21 @@ class MapTracker:
         """End the log, as where an agent goes on far away; what was told stays."""
         events = self.rest(received, is_over=True)
         self._stays.take_changed()
-        self._is_finished = False
-        self._kept.clear()
-        self._keep(self._told.count)
+        self._begin_anew()
         return events
 
     def drop_matcher(self, received: float) -> list[Event]:
         """Give the memory of the matcher back; what was told stays."""
         events = self.rest(received, is_over=False)
         self._reader.matcher = None
+        self._begin_anew()
+        return events
+
+    def _begin_anew(self) -> None:
+        """Let stand what was told, and go on from the last fix."""
         self._is_finished = False
         self._kept.clear()
         self._keep(self._told.count)
-        return events
-
-    def take_travelled(self) -> tuple[list[int], list[Pass], list[tuple[Floats, float]]]:
-        """Take what was travelled since the last call.
-
-        Returns
-        -------
-        counts : list of int
-            Numbers of passes and of paths off the map before these: others did not happen.
-        passed : list of Pass
-            Passes that are over.
-        paths : list of tuple
-            Paths off the map, and when each ended.
-        """
-        reader = self._reader
-        passed, paths = reader.passed, reader.paths
-        reader.passed, reader.paths = [], []
-        counts = [reader.counts[0] - len(passed), reader.counts[1] - len(paths)]
-        return counts, passed, paths
 
     def _read(self, fix: Fix) -> list[Finding]:
         """Read the next fix."""
@@ -202,7 +201,7 @@ class MapTracker:
         while len(self._kept) > 1 and self._kept[-1].time >= since:
             self._kept.pop()
         kept = self._kept[-1]
-        self._restore(json.loads(zlib.decompress(kept.state)))
+        self._reader.restore(json.loads(zlib.decompress(kept.state)))
         self._time, self._is_finished = kept.time, False
 
         # From there on.
@@ -213,14 +212,6 @@ class MapTracker:
             findings += self._read(fix)
             self._keep_some(kept.told + len(findings))
         return self._told.replace(kept.told, findings, received)
-
-    def _restore(self, state: dict[str, Any]) -> None:
-        """Go back to a state; what was travelled since, and not taken yet, did not happen."""
-        reader = self._reader
-        before = [reader.counts[0] - len(reader.passed), reader.counts[1] - len(reader.paths)]
-        reader.restore(state)
-        del reader.passed[max(reader.counts[0] - before[0], 0) :]
-        del reader.paths[max(reader.counts[1] - before[1], 0) :]
 
     def _fixes_after(self, time: float) -> Iterator[Fix]:
         """The fixes after a time, but for those of stays that tell nothing."""
@@ -271,20 +262,20 @@ class MapTracker:
 
     def _leave_lost(self) -> None:
         """Leave out states after which fixes are lost that would have to be read again."""
+        # All but the last one before what is lost.
         kept, lost = self._kept, self._window.complete_after
         while len(kept) > 1 and kept[1].time <= lost:
             del kept[0]
         if not kept or kept[0].time >= lost:
             return
 
-        # Those of a stay are not needed.
+        # In a stay, the state remains the same: it is that after the lost fixes, too.
         stay = self._stays.latest_before(lost)
         if stay is not None and stay.start < kept[0].time and lost < stay.end:
             kept[0].time = lost
-        elif len(kept) > 1:
-            del kept[0]
-        else:
-            kept.clear()
+            return
+        del kept[0]
+        if not kept:
             self._keep(self._told.count)
 
     def to_row(self) -> dict[str, Any]:
@@ -292,15 +283,11 @@ class MapTracker:
         return {
             "reader": self._reader.to_row(),
             "told": self._told.to_row(),
-            "time": self._time if math.isfinite(self._time) else None,
+            "time": time_to_json(self._time),
             "finished": self._is_finished,
             "read_again": self.read_again,
             "kept": [
-                [
-                    kept.time if math.isfinite(kept.time) else None,
-                    kept.told,
-                    base64.b64encode(kept.state).decode("ascii"),
-                ]
+                [time_to_json(kept.time), kept.told, base64.b64encode(kept.state).decode("ascii")]
                 for kept in self._kept
             ],
         }
@@ -309,9 +296,9 @@ class MapTracker:
         """Take over what :meth:`to_row` returned."""
         self._reader.restore(row["reader"])
         self._told.restore(row["told"])
-        self._time = -math.inf if row["time"] is None else row["time"]
+        self._time = time_from_json(row["time"])
         self._is_finished, self.read_again = row["finished"], row["read_again"]
         self._kept = [
-            _Kept(-math.inf if time is None else time, told, base64.b64decode(state))
+            _Kept(time_from_json(time), told, base64.b64decode(state))
             for time, told, state in row["kept"]
         ]

@@ -22,6 +22,7 @@ from gpszip.live.monitor.on_map.outlook import Outlook
 from gpszip.live.monitor.on_map.passes import Pass, PassReader, Step
 from gpszip.live.monitor.on_map.patrol import PatrolTracker
 from gpszip.live.monitor.on_map.surprises import Surprises
+from gpszip.live.monitor.on_map.travelled import Travelled
 from gpszip.live.monitor.stay_times import StayTime
 from gpszip.live.monitor.window import Window
 from gpszip.matching.live import FinalisedPosition, LiveMatcher
@@ -46,29 +47,27 @@ class TravelReader:
 
     def __init__(self, agent: str, known_map: KnownMap, window: Window, longest: float) -> None:
         self._map, self._window, self._longest = known_map, window, longest
-        self._passes = PassReader(known_map)
+        self._pass_reader = PassReader(known_map)
         self._outlook = Outlook(agent, known_map)
         self._surprises = Surprises(agent, known_map)
         self._patrol: PatrolTracker | None = None
         if known_map.rounds is not None:
             self._patrol = PatrolTracker(known_map, known_map.rounds)
 
-        #: Start of the last stay that began before the last fix.
-        self.stay: float | None = None
-
-        # The last fix, and the edge that it was on.
+        # The last fix, the start of the last stay before it, and the edge that it was on.
         self._time: float | None = None
+        self._stay: float | None = None
         self._here: int | None = None
         self._off_since: float | None = None
 
         #: Takes memory while the agent travels.
         self.matcher: LiveMatcher | None = None
 
-        #: Passes that are over, and paths off the map, for those who watch all agents; and how
-        #: many there were.
-        self.passed: list[Pass] = []
-        self.paths: list[tuple[NDArray[np.float64], float]] = []
-        self.counts = [0, 0]
+        #: Passes that are over.
+        self.passes: Travelled[Pass] = Travelled()
+
+        #: Paths off the map in metres, shape (n, 2), and when each ended in seconds.
+        self.paths: Travelled[tuple[NDArray[np.float64], float]] = Travelled()
 
     def read(self, fix: Fix, stay: StayTime | None) -> list[Finding]:
         """Return what the next fix in time tells.
@@ -84,9 +83,9 @@ class TravelReader:
         findings: list[Finding] = []
         if self._time is not None and fix.time - self._time > self._longest:
             findings += self.finish(is_over=True)
-        if stay is not None and stay.start != self.stay:
+        if stay is not None and stay.start != self._stay:
             findings += self.finish(is_over=True)
-            self.stay = stay.start
+            self._stay = stay.start
         self._time = fix.time
 
         # In place, errors of the receiver would tell travel. A short stop may be unusual.
@@ -132,9 +131,9 @@ class TravelReader:
     def _read(self, finalised: tuple[FinalisedPosition, ...]) -> list[Finding]:
         findings = []
         for found in finalised:
-            findings += self._findings(self._passes.read(found))
-            if self._passes.current is not None and found.edge >= 0:
-                findings += self._surprises.travel(self._passes.current)
+            findings += self._findings(self._pass_reader.read(found))
+            if self._pass_reader.current is not None and found.edge >= 0:
+                findings += self._surprises.travel(self._pass_reader.current)
         return findings
 
     def _findings(self, step: Step) -> list[Finding]:
@@ -153,8 +152,7 @@ class TravelReader:
             findings += self._surprises.leave(passed)
             if self._patrol is not None:
                 findings += self._patrol.add(passed)
-            self.passed.append(passed)
-            self.counts[0] += 1
+            self.passes.add(passed)
 
         # The edge that is entered, or the end of the map.
         if step.entered is not None:
@@ -174,8 +172,7 @@ class TravelReader:
         coordinates = self._window.coordinates()[rows, :2]
         if self._map.plane is not None:
             coordinates = to_plane(coordinates[:, 0], coordinates[:, 1], self._map.plane)
-        self.paths.append((coordinates, until))
-        self.counts[1] += 1
+        self.paths.add((coordinates, until))
 
     def _enter(self, passed: Pass) -> list[Finding]:
         place = self._map.place_on(passed.directed, passed.begin)
@@ -200,16 +197,16 @@ class TravelReader:
         """Return the state as a value of JSON."""
         return {
             "matcher": None if self.matcher is None else self.matcher.state(),
-            "passes": self._passes.to_row(),
+            "passes": self._pass_reader.to_row(),
             "outlook": self._outlook.to_row(),
             "surprises": self._surprises.to_row(),
             "patrol": None if self._patrol is None else self._patrol.to_row(),
-            "here": [self._time, self.stay, self._here, self._off_since],
-            "counts": self.counts,
+            "here": [self._time, self._stay, self._here, self._off_since],
+            "counts": [self.passes.count, self.paths.count],
         }
 
     def restore(self, row: Mapping[str, Any]) -> None:
-        """Take over what :meth:`to_row` returned."""
+        """Take over what :meth:`to_row` returned; what was travelled since did not happen."""
         # Without a matcher there, an empty one goes on.
         if row["matcher"] is not None:
             self.matcher = self.matcher or self._map.matcher()
@@ -218,10 +215,12 @@ class TravelReader:
             self.matcher.finish()
 
         # All others.
-        self._passes.restore(row["passes"])
+        self._pass_reader.restore(row["passes"])
         self._outlook.restore(row["outlook"])
         self._surprises.restore(row["surprises"])
         if self._patrol is not None and row["patrol"] is not None:
             self._patrol.restore(row["patrol"])
-        self._time, self.stay, self._here, self._off_since = row["here"]
-        self.counts = list(row["counts"])
+        self._time, self._stay, self._here, self._off_since = row["here"]
+        passes, paths = row["counts"]
+        self.passes.go_back(passes)
+        self.paths.go_back(paths)

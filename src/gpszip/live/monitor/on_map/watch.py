@@ -28,9 +28,8 @@ class MapWatch:
 
     def take(self, agent: str, tracker: MapTracker, received: float) -> list[Event]:
         """Take what an agent has travelled since; return the events that follow."""
-        (passes, paths), passed, travelled = tracker.take_travelled()
-        events = self.closures.take(agent, passes, passed, received)
-        return events + self._new_edges.take(agent, paths, travelled, received)
+        events = self.closures.take(agent, *tracker.passes.take(), received)
+        return events + self._new_edges.take(agent, *tracker.paths.take(), received)
 
     def forget(self, agent: str) -> None:
         """Note that an agent begins anew; what it travelled stays."""
