@@ -384,6 +384,30 @@ def test_a_new_edge_is_withdrawn_if_it_was_not_travelled_again(known_map):
     assert other.take("ann", 0, [], 600.0) == []
 
 
+def test_a_late_fix_of_long_ago_keeps_no_later_one_from_the_map(
+    in_order, known_map, monkeypatch
+):
+    monkeypatch.setattr("gpszip.live.monitor.on_map.tracker._HORIZON", 600.0)
+    old, recent, received = in_order[20], in_order[70:76], in_order[89].received
+
+    def revised(late):
+        monitor = monitor_on(known_map)
+        for fix in in_order[:90]:
+            if fix not in (old, *recent):
+                monitor.push(fix)
+        for fix in late:
+            monitor.push(replace(fix, received=received))
+        found = [event for event in monitor.tick(received + 5) if event.edge is not None]
+        key = "late fixes too old to correct events on the map"
+        return [(event.kind, event.edge, event.time) for event in found], monitor.counts[key]
+
+    found, count = revised(recent)
+    assert found
+    assert count == 0
+    assert revised([old, *recent]) == (found, 1)
+    assert revised([old]) == ([], 1)
+
+
 def guard(laps, begin):
     """Rounds of a guard: a block, and then a spur, which some laps leave out."""
     block = [(90, 0), (90, 60), (0, 60), (0, 0)]

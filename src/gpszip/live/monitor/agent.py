@@ -91,6 +91,8 @@ class AgentMonitor:
 
         #: When fixes that came late are read, in seconds of the clock; infinite if there are none.
         self.reading_due = math.inf
+
+        # Seconds of the first one of them that revises what was told on the map.
         self._first_late = math.inf
 
     @property
@@ -146,12 +148,17 @@ class AgentMonitor:
             return False
         if window.add(fix):
             self._stays.take_late(fix.time)
-            self._first_late = min(self._first_late, fix.time)
+            if self.is_in_time_for_map(fix):
+                self._first_late = min(self._first_late, fix.time)
             if math.isinf(self.reading_due):
                 # What follows it is read again, so that others wait with it.
                 again = 0 if self.on_map is None else self.on_map.read_again
                 self.reading_due = self.received + _LATE_SECONDS + _SECONDS_PER_FIX * again
         return True
+
+    def is_in_time_for_map(self, fix: Fix) -> bool:
+        """Whether a late fix still revises what was told on a map, if there is one."""
+        return self.on_map is None or fix.time > self.on_map.oldest
 
     def read(self, received: float, *, goes_on: bool = True) -> list[Event]:
         """Return what follows from all fixes up to now, late ones too.

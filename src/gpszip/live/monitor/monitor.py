@@ -283,6 +283,8 @@ class Monitor:
         if agent.take_late(fix):
             self._wait(agent)
             self.counts["late fixes put into their place"] += 1
+            if not agent.is_in_time_for_map(fix):
+                self.counts["late fixes too old to correct events on the map"] += 1
         else:
             self.counts["fixes too late to correct events"] += 1
 

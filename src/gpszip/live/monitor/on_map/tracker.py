@@ -106,6 +106,11 @@ class MapTracker:
         return self._reader.paths
 
     @property
+    def oldest(self) -> float:
+        """Seconds; late fixes from before are too old to revise what was told."""
+        return self._kept[0].time if self._kept else math.inf
+
+    @property
     def has_matcher(self) -> bool:
         """Whether the agent has a matcher, which takes memory."""
         return self._reader.matcher is not None
@@ -141,13 +146,12 @@ class MapTracker:
         Parameters
         ----------
         late : float
-            Seconds of the first fix that came late; infinite if none did.
+            Seconds of the first fix that came late, of those after the oldest state; infinite if
+            none did.
         received : float
             When the last fix was received, or now.
         """
-        since = self._stays.take_changed()
-        if self._kept and late > self._kept[0].time:
-            since = min(since, late)
+        since = min(self._stays.take_changed(), late)
         return self._read_again(since, received) if math.isfinite(since) else []
 
     def rest(self, received: float, *, is_over: bool) -> list[Event]:
