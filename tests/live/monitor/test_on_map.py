@@ -384,9 +384,7 @@ def test_a_new_edge_is_withdrawn_if_it_was_not_travelled_again(known_map):
     assert other.take("ann", 0, [], 600.0) == []
 
 
-def test_a_late_fix_of_long_ago_keeps_no_later_one_from_the_map(
-    in_order, known_map, monkeypatch
-):
+def test_a_late_fix_of_long_ago_keeps_no_later_one_from_the_map(in_order, known_map, monkeypatch):
     monkeypatch.setattr("gpszip.live.monitor.on_map.tracker._HORIZON", 600.0)
     old, recent, received = in_order[20], in_order[70:76], in_order[89].received
 

@@ -35,7 +35,7 @@ _SPEED = "navigation.speedOverGround"
 _COURSE = "navigation.courseOverGroundTrue"
 SIGNALK_PATHS = (_POSITION, _SPEED, _COURSE)
 
-#: Seconds for which a speed or course belongs to positions of its source.
+#: Seconds for which a speed, a course or a date belongs to positions of its source.
 _MAX_AGE = 5.0
 
 #: Sentences of NMEA that have a time of day and no date: a server takes its own date for them. And
@@ -54,14 +54,14 @@ _MAX_SOURCE_LETTERS = 100
 
 @dataclass(slots=True)
 class _State:
-    """Last speed in m/s and course in degrees of a source, when they came, and its last date."""
+    """What a source said last: speed in m/s, course in degrees, a time with its date; and when."""
 
     speed: float | None = None
     speed_at: float = -math.inf
     course: float | None = None
     course_at: float = -math.inf
-    dated: float | None = None
-    dated_at: float = -math.inf
+    date: float = math.nan
+    date_at: float = -math.inf
 
 
 class SignalKParser:
@@ -136,11 +136,14 @@ class SignalKParser:
         }
         source = _source_of(update)
         state = self._keep(agent, source, values, context.received)
+
+        # A date, too, may come in another sentence.
         sentence = _sentence_of(update)
         if sentence == _DATED:
             with contextlib.suppress(MessageError):
-                state.dated = read_time(update.get("timestamp"), context)
-                state.dated_at = context.received
+                date = read_time(update.get("timestamp"), context)
+                if date is not None:
+                    state.date, state.date_at = date, context.received
         if _POSITION not in values:
             return []
         position = values[_POSITION]
@@ -153,8 +156,8 @@ class SignalKParser:
         except MessageError as error:
             return [Unusable(agent, str(error))]
         if time is not None and sentence in _UNDATED:
-            is_new = context.received - state.dated_at < _MAX_AGE
-            time = self._with_date(time, (state.dated if is_new else None) or context.received)
+            is_new = context.received - state.date_at < _MAX_AGE
+            time = self._with_date(time, state.date if is_new else context.received)
         fix = make_fix(
             context,
             agent,
@@ -172,7 +175,7 @@ class SignalKParser:
         return [fix]
 
     def _with_date(self, time: float, near: float) -> float:
-        """The time of a day that is nearest to another one, which has a date."""
+        """A time of day on the day that brings it nearest to another time."""
         days = round((near - time) / _DAY)
         if days:
             self._notices.count("times of sentences without a date put on the right day")
