@@ -19,7 +19,15 @@ if TYPE_CHECKING:
     from gpszip.model.read_result import ReadResult
     from gpszip.pipeline.estimate import Estimate
 
-__all__ = ["DryRun", "InputFile", "describe_files", "print_dry_run", "print_plan"]
+__all__ = [
+    "DryRun",
+    "InputFile",
+    "cpu_time_text",
+    "describe_files",
+    "print_dry_run",
+    "print_plan",
+    "row_count_text",
+]
 
 #: Files that a person is shown; JSON names them all.
 _MAX_NAMED = 5
@@ -140,6 +148,17 @@ def print_plan(rows: Sequence[tuple[str, str]], target: str) -> None:
     click.echo(f"{'written':<{width}}  nothing: this is a dry run; it would be {target}")
 
 
+def row_count_text(read_result: ReadResult) -> str:
+    """Return how many rows were read, and how many of them are dropped."""
+    lost = f", of which {read_result.lost:,} are dropped" if read_result.lost else ""
+    return f"{read_result.points:,}{lost}"
+
+
+def cpu_time_text(seconds: float) -> str:
+    """Return an estimate of a CPU time, to two digits."""
+    return f"about {format_duration(float(f'{seconds:.2g}'))}"
+
+
 def _facts(dry_run: DryRun) -> dict[str, Any]:
     """Return the same for JSON: times in seconds, sizes in bytes."""
     # What was read.
@@ -186,8 +205,7 @@ def _rows_read(dry_run: DryRun) -> list[tuple[str, str]]:
 
     # Their rows.
     rows = [("read", text) for text in named[:1]] + [("", text) for text in named[1:]]
-    lost = f", of which {read_result.lost:,} are dropped" if read_result.lost else ""
-    rows.append(("rows", f"{read_result.points:,}{lost}"))
+    rows.append(("rows", row_count_text(read_result)))
     rows.append(("tracks", f"{len(log.tracks):,}"))
     rows.append(("coordinates", dry_run.coordinates))
     times = dry_run.time_range
@@ -220,7 +238,7 @@ def _rows_written(dry_run: DryRun) -> list[tuple[str, str]]:
         basis = f"from {format_count(estimate.sampled, 'point')} of {estimate.points:,}"
         rows.append(("estimate", f"about {format_bytes(size)}, {basis}"))
     if seconds is not None:
-        rows.append(("CPU time", f"about {format_duration(float(f'{seconds:.2g}'))}, estimated"))
+        rows.append(("CPU time", f"{cpu_time_text(seconds)}, estimated"))
     return rows
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from gpszip.cli.dry_run import print_plan
+from gpszip.cli.dry_run import cpu_time_text, print_plan, row_count_text
 from gpszip.cli.output import print_json
 from gpszip.cli.summary import describe_repairs, losses_as_dict, print_losses, repairs_as_dict
 from gpszip.cli.units import format_bytes, format_count, format_duration, format_length
@@ -41,7 +41,7 @@ def print_match_plan(
             "tried",
             f"{share} at the starts of tracks are on roads, error {format_length(plan.error)}",
         ),
-        ("CPU time", f"about {_seconds(plan.cpu_seconds)} to match, estimated"),
+        ("CPU time", f"{cpu_time_text(plan.cpu_seconds)} to match, estimated"),
     ]
     _print_rows(target, read_result, roads, rows)
 
@@ -140,17 +140,12 @@ def _print_rows(
     """Print what was read, and further rows, for a person."""
     print_losses(read_result)
     tracks = format_count(len(read_result.tracks), "track")
-    lost = f", of which {read_result.lost:,} are dropped" if read_result.lost else ""
     length = format_length(float(roads.network.lengths.sum()))
     repairs = describe_repairs([*read_result.repairs, *roads.repairs])
     read = [
         ("read", f"{format_bytes(read_result.bytes)}, {tracks}"),
-        ("rows", f"{read_result.points:,}{lost}"),
+        ("rows", row_count_text(read_result)),
         ("roads", f"{len(roads.network):,} of {roads.read:,} near the log, {length}"),
         *(("repair", text) for text in repairs),
     ]
     print_plan([*read, *rows], target)
-
-
-def _seconds(seconds: float) -> str:
-    return format_duration(float(f"{seconds:.2g}"))

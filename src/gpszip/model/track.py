@@ -18,7 +18,7 @@ from gpszip.model.projection import map_coordinates
 from gpszip.model.text import axes_text, count_text
 from gpszip.model.timestamps import Times, format_span, to_seconds, wrong_unit
 
-__all__ = ["Track", "time_bounds", "tracks_from_rows"]
+__all__ = ["Track", "take_samples", "time_bounds", "tracks_from_rows"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -124,15 +124,7 @@ class Track(FrameMethods):
                 remedy=wrong_unit(bounds, *self.times[[0, -1]].tolist()),
             )
 
-        # Take these samples.
-        rows = slice(first, last)
-        return replace(
-            self,
-            times=self.times[rows],
-            positions=self.positions[rows],
-            weights=None if self.weights is None else self.weights[rows],
-            attributes={name: values[rows] for name, values in self.attributes.items()},
-        )
+        return take_samples(self, slice(first, last))
 
     @property
     def dimension(self) -> int:
@@ -147,6 +139,23 @@ class Track(FrameMethods):
         other. Degrees are computed at each call.
         """
         return map_coordinates(self.positions, self.plane)
+
+
+def take_samples(track: Track, rows: slice) -> Track:
+    """Return some samples of a track, with their weights and attributes.
+
+    Examples
+    --------
+    >>> take_samples(Track("walk", [0, 1, 2], [[0, 0], [1, 0], [2, 0]]), slice(2)).times.tolist()
+    [0.0, 1.0]
+    """
+    return replace(
+        track,
+        times=track.times[rows],
+        positions=track.positions[rows],
+        weights=None if track.weights is None else track.weights[rows],
+        attributes={name: values[rows] for name, values in track.attributes.items()},
+    )
 
 
 def tracks_from_rows(

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from gpszip.model import Network, Track
+from gpszip.model.track import take_samples
 
 __all__ = ["MatchPlan", "PatchPlan", "plan_match", "plan_patch"]
 
@@ -114,20 +115,9 @@ def _first_tracks(tracks: Sequence[Track], most: int) -> list[Track]:
     for track in tracks:
         if most <= 0:
             break
-        first.append(_first_samples(track, min(share, most)))
+        first.append(take_samples(track, slice(min(share, most))))
         most -= len(first[-1])
     return first
-
-
-def _first_samples(track: Track, count: int) -> Track:
-    """The first samples of a track."""
-    return replace(
-        track,
-        times=track.times[:count],
-        positions=track.positions[:count],
-        weights=None if track.weights is None else track.weights[:count],
-        attributes={name: values[:count] for name, values in track.attributes.items()},
-    )
 
 
 def plan_patch(tracks: Sequence[Track], network: Network, *, gap: float | None = None) -> PatchPlan:
