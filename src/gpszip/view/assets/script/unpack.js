@@ -1,5 +1,7 @@
 /**
- * The packed script of the page: it is unpacked and run.
+ * The only script that the page of an archive holds as text: it unpacks the other one and runs it.
+ *
+ * The other one is `main.js` with all that it imports, which `gpszip.view.page` joins and packs.
  */
 
 import { unpackText } from "./blocks.js";
