@@ -190,7 +190,8 @@ def children(pid: int) -> list[int]:
 
 def report(rows: list[tuple[float, ...]], folder: Path, tracks: Sequence[Track]) -> None:
     """Print the memory at the beginning, in the middle and at the end, and the archive's errors."""
-    for name, row in {"begin": rows[2], "middle": rows[len(rows) // 2], "end": rows[-1]}.items():
+    begin = rows[min(2, len(rows) - 1)]
+    for name, row in {"begin": begin, "middle": rows[len(rows) // 2], "end": rows[-1]}.items():
         print(f"{name:6} {row[0]:6.0f} s: {row[1]:.1f} MiB, {row[3]:,} positions stored")
     print(
         f"most: {max(row[1] for row in rows):.1f} MiB, of a process that archives "

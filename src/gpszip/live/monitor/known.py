@@ -9,7 +9,7 @@ from typing import Any
 from gpszip.live.events import Event, event_id
 from gpszip.live.fix import Fix, distance
 
-__all__ = ["Finding", "KnownEvents", "make_event", "make_withdrawal"]
+__all__ = ["SAME_TIME", "Finding", "KnownEvents", "make_event", "make_withdrawal"]
 
 #: Seconds by which the time of an event may change without a revision.
 _TIME_TOLERANCE = 1.0
@@ -18,7 +18,7 @@ _TIME_TOLERANCE = 1.0
 _POSITION_TOLERANCE = 50.0
 
 #: Seconds within which an event is another version of one of its kind, rather than a new one.
-_SAME_TIME = 1800.0
+SAME_TIME = 1800.0
 
 #: Withdrawn events that are kept in mind for each agent: what comes back revises them.
 _MAX_WITHDRAWN = 16
@@ -292,6 +292,6 @@ def _nearest(group: Sequence[_Told], finding: Finding) -> _Told | None:
         for told in group
         if told.kind == finding.kind
         and told.directed == finding.directed
-        and abs(told.time - finding.time) <= _SAME_TIME
+        and abs(told.time - finding.time) <= SAME_TIME
     ]
     return min(same, key=lambda told: abs(told.time - finding.time), default=None)

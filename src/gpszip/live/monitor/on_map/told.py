@@ -8,12 +8,9 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from gpszip.live.events import Event, event_id
-from gpszip.live.monitor.known import Finding, make_event, make_withdrawal
+from gpszip.live.monitor.known import SAME_TIME, Finding, make_event, make_withdrawal
 
 __all__ = ["ToldFindings"]
-
-#: Seconds within which an event is another version of one of its kind, rather than a new one.
-_SAME_TIME = 1800.0
 
 #: Ids of which it is kept in mind how often their events were revised.
 _MAX_VERSIONS = 1_000
@@ -164,7 +161,7 @@ def _facts(finding: Finding) -> str:
 
 def _take_nearest(group: list[_Told], time: float) -> _Told | None:
     """Take the event that is nearest in time, if it may be the same one."""
-    near = [told for told in group if abs(told.time - time) <= _SAME_TIME]
+    near = [told for told in group if abs(told.time - time) <= SAME_TIME]
     if not near:
         return None
     told = min(near, key=lambda each: abs(each.time - time))
