@@ -118,16 +118,18 @@ class ClosureWatch:
         """Look again after many passes, or much time."""
         since = time - self._last_look
         many = max(_MIN_PASSES, _PASSES_SHARE * len(self._history))
-        if since < _PERIODS[0] or (since < _PERIODS[1] and self._new < many):
+        is_soon = since < _PERIODS[0] or (since < _PERIODS[1] and self._new < many)
+        # A clock that is ahead puts looks off, but not the limit of what is kept.
+        if is_soon and self._count <= _MAX_PASSES:
             return []
         self._last_look, self._new = time, 0
         return self.look(received)
 
     def look(self, received: float) -> list[Event]:
         """Compare what is known of all edges with what was told."""
+        after = self._forget() if self._count > _MAX_PASSES else -math.inf
         if not self._count or math.isinf(self._threshold):
             return []
-        after = self._forget() if self._count > _MAX_PASSES else -math.inf
 
         # Suspected edges first: without evidence for one of them, none is closed.
         rows, is_live = self._rows()
