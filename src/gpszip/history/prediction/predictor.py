@@ -241,8 +241,10 @@ class Predictor:
     ) -> list[LikelyNode]:
         """Nodes at which the trip may end, with probabilities.
 
-        A trip ends where an agent stops for five minutes or more, where its receiver is switched
-        off, or where it leaves the map. The node is the one nearest to that place.
+        Trips are those of ``gpszip trips``: one ends with a stay, or with a gap that hides one. The
+        node is the one nearest to the last place of the trip on the map. Where less than half of
+        the archive's travel leads from place to place, as of a robot in a building, a trip ends
+        where an agent stands on an edge for five minutes, and with a gap as long.
 
         Parameters
         ----------

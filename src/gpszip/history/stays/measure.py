@@ -25,8 +25,11 @@ _SPEED_STEPS = 6
 _MOVING_SPEED = 0.7
 
 #: A jump is faster than so many times the speed that one calm step in twenty exceeds, as for
-#: matching, and takes more than so many m/s² from rest and back to it, unlike a train after a walk.
-_JUMP_FACTOR, _JUMP_ACCELERATION = 4.0, 3.0
+#: matching.
+_JUMP_FACTOR = 4.0
+
+#: Metres per second² that it takes from rest and back to it, at least, unlike a train after a walk.
+_JUMP_ACCELERATION = 3.0
 
 #: Most positions along a trip; those of a longer one lie farther apart.
 _MAX_POSITIONS = 100_000
@@ -114,4 +117,4 @@ def _jumped(times: Floats, line: Floats) -> Floats:
         4.0 * metres > _JUMP_ACCELERATION * seconds**2
     )
     moved: Floats = np.cumsum(np.where(is_jump[:, None], steps, 0.0), axis=0)
-    return np.concatenate([0.0 * line[:1], moved])
+    return np.concatenate([np.zeros_like(line[:1]), moved])
