@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from gpszip.history.stays.fixes import Fixes, lengths
 
@@ -79,6 +78,8 @@ def measure_travel(fixes: Fixes, start: float, end: float, begin: Floats, finish
     >>> round(travel.length), round(travel.moving, -1)
     (5000, 540.0)
     """
+    from scipy.ndimage import uniform_filter1d
+
     # Fixes on the way, between where it begins and where it ends.
     first = int(np.searchsorted(fixes.times, start, side="right"))
     rows = slice(first, max(first, int(np.searchsorted(fixes.times, end))))
