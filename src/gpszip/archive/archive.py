@@ -577,10 +577,13 @@ class Archive(ArchiveFrames):
         Examples
         --------
         >>> import gpszip
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
         >>> rows = [f"{i % 2},{i},{i}.50,1" for i in range(40)]
-        >>> with open("bus.csv", "w") as file:
-        ...     print("id,t,x,y", *rows, sep=chr(10), file=file)
-        >>> archive = gpszip.compress("bus.csv", rmse=1, lossless=True)
+        >>> with TemporaryDirectory() as folder:
+        ...     log = Path(folder, "bus.csv")
+        ...     _ = log.write_text(chr(10).join(["id,t,x,y", *rows]))
+        ...     archive = gpszip.compress(log, rmse=1, lossless=True)
         >>> archive.exact_rows("1", ["t", "x"])[:2].to_pylist()
         [{'t': '1', 'x': '1.50'}, {'t': '3', 'x': '3.50'}]
         """

@@ -94,8 +94,8 @@ def fit_mixture(distances: Floats, start: DistanceMixture, prior: float = 0.0) -
         if not steps:
             return mixture
 
-        # Maximisation.
-        square = (float(probability @ squares) + prior * start.error**2) / steps
+        # Maximisation. A product of matrices would wake threads that cost more than it.
+        square = (float(np.einsum("i,i", probability, squares)) + prior * start.error**2) / steps
         share = (float(probability.sum()) + prior * start.share) / (len(squares) + prior)
         mixture = DistanceMixture(
             max(share, _MIN_SHARE), max(math.sqrt(square), _MIN_ERROR * start.far), start.far

@@ -67,7 +67,8 @@ _BESIDE = 5.0
 #: Time steps as which the log counts for the scales of a track.
 _PRIOR = 300.0
 
-#: Time steps below which a track has the scales of the log, which count for so many more.
+#: Time steps below which a track has the scales of the log: they would hardly move those, which
+#: count as _PRIOR time steps.
 _MIN_STEPS = 10
 
 #: Largest autocorrelation of errors from time step to time step, so that sigma stays finite.
@@ -264,17 +265,21 @@ def estimate_robust_scales(
     work, observations, sigma, beta, heading, reach, samples
         As for :func:`estimate_scales`.
     """
+
+    def estimate(roads: RoadIndex) -> tuple[Scales, list[Scales]]:
+        return estimate_scales(
+            roads,
+            work,
+            observations,
+            sigma=sigma,
+            beta=beta,
+            heading=heading,
+            reach=reach,
+            samples=samples,
+        )
+
     # Without closed directions the first estimate stands.
-    log_scales, track_scales = estimate_scales(
-        index,
-        work,
-        observations,
-        sigma=sigma,
-        beta=beta,
-        heading=heading,
-        reach=reach,
-        samples=samples,
-    )
+    log_scales, track_scales = estimate(index)
     if opened is None:
         return log_scales, track_scales
 
@@ -287,16 +292,7 @@ def estimate_robust_scales(
         return log_scales, track_scales
 
     # The same with all roads open.
-    log_again, tracks_again = estimate_scales(
-        opened,
-        work,
-        observations,
-        sigma=sigma,
-        beta=beta,
-        heading=heading,
-        reach=reach,
-        samples=samples,
-    )
+    log_again, tracks_again = estimate(opened)
     if log_scales.error > _MAX_TO_GUESS * guess_error(index, observations):
         log_scales = log_again
     return log_scales, [

@@ -12,7 +12,7 @@ from gpszip.geo.planes import to_geographic
 from gpszip.history.prediction.predictor import Predictor
 from gpszip.history.prediction.read_route import tell_route
 from gpszip.history.traversals import Traversals, match_traversals, read_history
-from gpszip.history.trips import TripRows, cut_trips, trips_of_tracks
+from gpszip.history.trips import TripRows, cut_trips, spans_of_tracks
 from gpszip.model import Network, Track
 from gpszip.model.prediction import Destination, LikelyNode, Outlook
 from gpszip.pipeline.match import network_for
@@ -66,7 +66,7 @@ def predict(
         network = network_for(tracks, archive)
         ids = tuple(track.id for track in tracks)
         rows = match_traversals(tracks, network, ids, list(range(len(tracks))))
-        trips = cut_trips(rows, trips_of_tracks(tracks, trips))
+        trips = cut_trips(rows, spans_of_tracks(tracks, trips.by_places))
 
     # Each track from its last traversal on.
     outlooks = []

@@ -8,7 +8,7 @@ import pytest
 import gpszip
 from gpszip.errors import OptionError
 from gpszip.history.prediction.exits import list_exits
-from gpszip.history.prediction.paths import connect_roads, fastest_path
+from gpszip.history.prediction.paths import PathSearch, connect_roads, fastest_path
 from gpszip.history.prediction.predictor import Predictor
 from gpszip.history.traversals import History
 from gpszip.model import Track
@@ -73,6 +73,18 @@ def test_the_way_to_a_node_ends_there(predictor, drives):
             last, forward = told.route[-1]
             assert goal == (network.ends[last] if forward else network.starts[last])
         assert told.metres == pytest.approx(sum(network.lengths[each] for each, _ in told.route))
+
+
+def test_the_path_to_a_goal_is_the_same_after_a_search_for_others(predictor, drives):
+    _, so_far, *_ = drives[0]
+    route = [2 * edge + (not forward) for edge, forward in so_far]
+    shared = PathSearch(predictor.model, predictor.exits, route)
+    paths = []
+    for goal in range(0, len(predictor.network.nodes), 5):
+        alone = PathSearch(predictor.model, predictor.exits, route)
+        paths.append(shared.path_to(goal))
+        assert paths[-1] == alone.path_to(goal)
+    assert len([path for path in paths if path]) > 3
 
 
 def test_an_agent_that_is_there_has_arrived(predictor):

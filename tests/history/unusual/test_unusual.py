@@ -345,6 +345,20 @@ def test_trips_of_a_log_end_with_gaps_and_stops(known):
     assert not any(trip.off_map for trip in trips)
 
 
+@pytest.mark.parametrize(("reach", "least"), [(math.inf, 100), (1.0, 10), (1e-4, 3)])
+def test_short_travel_off_the_map_does_not_count(known, reach, least):
+    # Of three logs off the map, only the one that is long enough counts, on maps of any width.
+    nothing = known.traversals.take(np.zeros(0, np.int64))
+    tracks = [
+        Track(f"{metres} m", np.arange(11.0), np.linspace([0.0, 0], [metres, 0], 11))
+        for metres in (0.01, 0.9 * least, 1.1 * least)
+    ]
+    listed = list_trips(
+        tracks, replace(nothing, ids=tuple(each.id for each in tracks)), None, reach
+    )
+    assert [len(trip.off_map) for trip in listed] == [0, 0, 1]
+
+
 def test_absences_are_hours_in_which_an_agent_always_travels():
     # Travel from 8 to 9 h on ten days; then a day from 6 h with travel at 7 h only.
     enter = FIRST_DAY + np.arange(10) * 86_400 + 8 * 3600 + 600

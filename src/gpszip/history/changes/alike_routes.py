@@ -4,7 +4,7 @@ The last few edges don't tell which line a bus serves: lines share streets. The 
 So the last 30 edges of an agent are compared with those of the agents that came to the junction by
 the same edge before. Two routes lie apart by ::
 
-    d = |A - B| + |B - A| + 2 * #{edges at the same place among the last 2 to 4 that differ, twice}
+    d = |A - B| + |B - A| + 4 * #{places among the last 2 to 4 whose edges differ}
 
 with their sets of edges A and B. Those before count ``w = exp(-0.35 (d - d0))`` each, d0 being the
 least of all d, and the probability of an edge e is ::
@@ -42,8 +42,8 @@ _MEMORY = 3 * 3600.0
 #: Places before the junction at which differing edges count more: which way an agent came.
 _PLACES = (2, 3, 4)
 
-#: How much they count.
-_PLACE_WEIGHT = 2.0
+#: How much each of them adds to the distance.
+_PLACE_WEIGHT = 4
 
 #: Decay of the weight with the distance of routes, and distance at which it ends.
 _DECAY, _REACH = 0.35, 8
@@ -122,27 +122,22 @@ def compare_routes(rows: Traversals, known: NDArray[np.bool_], choices: Choices)
 
 def _distances(rows: Traversals, asked: Longs, others: Longs) -> NDArray[np.int32]:
     """How far the routes to some traversals lie from those to others, shape (asked, others)."""
-    # Each edge that occurs, and each at each place, is a coordinate; equal ones cancel out.
+    # Which edges each route has; whole numbers of 32 bits are exact.
     recent = np.concatenate([_recent_edges(rows, asked), _recent_edges(rows, others)])
     edges, place = np.unique(recent, return_inverse=True)
-    place = place.reshape(recent.shape)
-    line = np.arange(len(recent))
-    is_there = np.zeros((len(recent), len(edges)), np.float32)
-    is_there[line[:, None], place] = 1.0
-    is_there[:, edges < 0] = 0.0
-    parts = [is_there]
-    for number in _PLACES:
-        at_place = np.zeros_like(is_there)
-        at_place[line, place[:, number - 1]] = np.sqrt(_PLACE_WEIGHT)
-        parts.append(at_place)
-    points = np.concatenate(parts, axis=1)
+    has = np.zeros((len(recent), len(edges)), np.float32)
+    has[np.arange(len(recent))[:, None], place.reshape(recent.shape)] = 1.0
+    has[:, edges < 0] = 0.0
 
-    # Squares of the distances between them.
-    squares = (points**2).sum(axis=1)
-    products = points[: len(asked)] @ points[len(asked) :].T
-    apart = squares[: len(asked), None] + squares[len(asked) :] - 2.0 * products
-    distances: NDArray[np.int32] = np.rint(apart).astype(np.int32)
-    return distances
+    # Edges that only one of two routes has, and places at which their edges differ.
+    counts = has.sum(axis=1)
+    common = has[: len(asked)] @ has[len(asked) :].T
+    either = counts[: len(asked), None] + counts[len(asked) :]
+    apart: NDArray[np.int32] = (either - 2.0 * common).astype(np.int32)
+    for number in _PLACES:
+        at_place = recent[:, number - 1]
+        apart += _PLACE_WEIGHT * (at_place[: len(asked), None] != at_place[len(asked) :])
+    return apart
 
 
 def _recent_edges(rows: Traversals, at: Longs) -> Longs:

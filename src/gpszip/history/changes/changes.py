@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.stats import norm
+from scipy.special import log_ndtr
 
 from gpszip.errors import OptionError
 from gpszip.history.calendar import choose_calendar
@@ -407,7 +407,7 @@ def _compare(values: Floats, after: Mask, times: Floats) -> _Shift | None:
 
     # The median of n normal values has the variance pi / 2 s^2 / n.
     error = np.sqrt(np.pi / 2 * (spread[0] ** 2 / len(old) + spread[1] ** 2 / len(new)))
-    evidence = -float(norm.logsf(abs(shift) / error) + np.log(2.0))
+    evidence = -float(log_ndtr(-abs(shift) / error) + np.log(2.0))
 
     # It began where the observations from then on differ most from those before.
     order = np.argsort(times[after], kind="stable")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gpszip.history.prediction.exits import Exits
 from gpszip.history.prediction.sequence_model import SequenceModel
 
-__all__ = ["connect_roads", "fastest_path", "likeliest_path"]
+__all__ = ["PathSearch", "connect_roads", "fastest_path"]
 
 #: Directed edges that the search for the likeliest path looks at; most trips pass fewer than 100.
 _MAX_EDGES = 400
@@ -24,18 +24,11 @@ _MAX_BETWEEN, _MAX_LOOKED_AT = 6, 200
 _MIN_PROBABILITY = 1e-12
 
 
-def likeliest_path(
-    model: SequenceModel,
-    exits: Exits,
-    route: Sequence[int],
-    goal: int,
-    hour: int | None = None,
-    agent: int | None = None,
-) -> list[int] | None:
-    """Edges of the likeliest path to a node, by best-first search.
+class PathSearch:
+    """Best-first search for the likeliest paths that follow a route.
 
     Each directed edge is reached once, by the likeliest path to it: the probability of what follows
-    is that after this path.
+    is that after this path. The search goes on from goal to goal.
 
     Parameters
     ----------
@@ -45,39 +38,50 @@ def likeliest_path(
         Exits of each directed edge.
     route : sequence of int
         Directed edges travelled so far.
-    goal : int
-        Node.
     hour, agent : int, optional
         As for the model.
-
-    Returns
-    -------
-    list of int, or None
-        Directed edges after the route; None if the goal is not among what was looked at.
     """
-    # Paths in the order of their probabilities; the counter breaks ties.
-    start = list(route)
-    queue: list[tuple[float, int, list[int]]] = [(0.0, 0, [])]
-    reached: set[int] = set()
-    pushed = 0
-    while queue and len(reached) <= _MAX_EDGES:
-        cost, _, path = heapq.heappop(queue)
-        last = path[-1] if path else start[-1]
-        if exits.heads[last] == goal:
-            return path
-        if path and last in reached:
-            continue
-        reached.add(last)
+
+    def __init__(
+        self,
+        model: SequenceModel,
+        exits: Exits,
+        route: Sequence[int],
+        hour: int | None = None,
+        agent: int | None = None,
+    ) -> None:
+        self._model, self._exits = model, exits
+        self._route, self._hour, self._agent = list(route), hour, agent
+
+        # Paths in the order of their probabilities; the counter breaks ties.
+        self._queue: list[tuple[float, int, list[int]]] = [(0.0, 0, [])]
+        self._pushed = 0
+        self._reached: set[int] = set()
+        self._found: dict[int, list[int]] = {}
+
+    def path_to(self, goal: int) -> list[int] | None:
+        """Directed edges of the likeliest path to a node; None if the search doesn't come there."""
+        while goal not in self._found and self._queue and len(self._reached) <= _MAX_EDGES:
+            self._follow_likeliest()
+        return self._found.get(goal)
+
+    def _follow_likeliest(self) -> None:
+        """Follow the likeliest path by one more edge."""
+        # It is the likeliest to the node at which it ends.
+        cost, _, path = heapq.heappop(self._queue)
+        last = path[-1] if path else self._route[-1]
+        self._found.setdefault(int(self._exits.heads[last]), path)
+        if path and last in self._reached:
+            return
+        self._reached.add(last)
 
         # Go on by each exit that no likelier path has reached.
-        so_far = [*start, *path]
-        probabilities = model.predict(so_far, hour, agent)
-        for edge, probability in zip(model.options[last], probabilities, strict=True):
-            if edge not in reached:
-                pushed += 1
+        probabilities = self._model.predict([*self._route, *path], self._hour, self._agent)
+        for edge, probability in zip(self._model.options[last], probabilities, strict=True):
+            if edge not in self._reached:
+                self._pushed += 1
                 bits = -math.log(max(probability, _MIN_PROBABILITY))
-                heapq.heappush(queue, (cost + bits, pushed, [*path, edge]))
-    return None
+                heapq.heappush(self._queue, (cost + bits, self._pushed, [*path, edge]))
 
 
 def fastest_path(

@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Iterable, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from gpszip.history.calendar import choose_calendar
 from gpszip.history.prediction.destinations import DestinationModel, TripEnds, learn_destinations
 from gpszip.history.prediction.exits import list_exits
 from gpszip.history.prediction.pace_so_far import band_factor
-from gpszip.history.prediction.paths import fastest_path, likeliest_path
+from gpszip.history.prediction.paths import PathSearch, fastest_path
 from gpszip.history.prediction.read_route import read_route, tell_route
 from gpszip.history.prediction.sequence_model import Passes, SequenceModel, train
 from gpszip.history.travel_time import TravelTimes, learn_travel_times
@@ -39,6 +39,9 @@ _BEAM = 12
 _MIN_SHARE = 1e-4
 
 Ints = NDArray[np.int64]
+
+#: Route, hour and agent of a search for paths.
+_SearchKey: TypeAlias = tuple[tuple[int, ...], int | None, int | None]
 
 
 class Predictor:
@@ -130,6 +133,7 @@ class Predictor:
             rows.track[order].astype(np.int64),
         )
         self.model: SequenceModel = train(self.exits, passes)
+        self._last_search: tuple[_SearchKey, PathSearch] | None = None
 
     def __repr__(self) -> str:
         return (
@@ -237,8 +241,10 @@ class Predictor:
     ) -> list[LikelyNode]:
         """Nodes at which the trip may end, with probabilities.
 
-        A trip ends where an agent stops for five minutes or more, where its receiver is switched
-        off, or where it leaves the map. The node is the one nearest to that place.
+        Trips are those of ``gpszip trips``: one ends with a stay, or with a gap that hides one. The
+        node is the one nearest to the last place of the trip on the map. Where less than half of
+        the archive's travel leads from place to place, as of a robot in a building, a trip ends
+        where an agent stands on an edge for five minutes, and with a gap as long.
 
         Parameters
         ----------
@@ -371,6 +377,7 @@ class Predictor:
         if agent is not None and agent not in self._agent_numbers:
             self._agent_numbers[agent] = len(self._agent_numbers)
         self.model.learn(directed, hours, self.agent_number(agent))
+        self._last_search = None
 
     def surprise(
         self,
@@ -430,9 +437,8 @@ class Predictor:
             raise OptionError(
                 f"there is no node {goal}; the archive has nodes 0 to {len(self.network.nodes) - 1}"
             )
-        found = likeliest_path(
-            self.model, self.exits, route, int(goal), self.hour_of(time), self.agent_number(agent)
-        )
+        search = self._search_paths(route, self.hour_of(time), self.agent_number(agent))
+        found = search.path_to(int(goal))
         if found is None:
             rates = self._times.rates.mean(axis=1)
             seconds = rates * np.repeat(self.network.lengths, 2)
@@ -440,6 +446,14 @@ class Predictor:
         if found is None:
             raise OptionError(f"no path leads from the route to node {goal}")
         return found
+
+    def _search_paths(self, route: list[int], hour: int | None, agent: int | None) -> PathSearch:
+        """Search from a route, which is the last one again for each of its destinations."""
+        key = (tuple(route), hour, agent)
+        if self._last_search is None or self._last_search[0] != key:
+            search = PathSearch(self.model, self.exits, route, hour, agent)
+            self._last_search = key, search
+        return self._last_search[1]
 
     @cached_property
     def _times(self) -> TravelTimes:

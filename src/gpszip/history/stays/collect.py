@@ -17,13 +17,13 @@ from gpszip.history.stays.measure import Travel, measure_travel
 from gpszip.history.stays.places import group_stops
 from gpszip.history.stays.roles import Role, find_roles, usual_hours
 from gpszip.history.stays.timeline import build_timeline
-from gpszip.history.stays.values import Move, Settings, Stop, Timeline
+from gpszip.history.stays.values import Move, Settings, Stop, Timeline, TripSpans
 from gpszip.model.grid import Plane
 from gpszip.model.projection import map_coordinates
 from gpszip.model.timestamps import counts_from_1970
 from gpszip.model.trips import Place, Stay, Trip, Trips
 
-__all__ = ["TrackSamples", "collect_trips", "track_timeline"]
+__all__ = ["TrackSamples", "collect_spans", "collect_trips", "track_timeline"]
 
 #: Weight in seconds of the end of a trip without a stay, among stays of at least minutes.
 _END_WEIGHT = 1.0
@@ -65,11 +65,12 @@ class TrackSamples:
 
 @dataclass(frozen=True, eq=False)
 class _History:
-    """Stops and moves of one track, without its fixes."""
+    """Stops and moves of one track, without its fixes; ``travel`` is empty unless measured."""
 
     id: str
     stops: tuple[Stop, ...]
-    moves: tuple[tuple[Move, Travel], ...]
+    moves: tuple[Move, ...]
+    travel: tuple[Travel, ...]
     unseen: int
     doubtful: int
     open: bool
@@ -106,13 +107,38 @@ def collect_trips(
     OptionError
         If there is no such time zone, or a setting is no positive number.
     """
-    _check(settings)
     if timezone is not None:
         find_zone(timezone)
+    histories = _read_histories(tracks, plane, settings, with_travel=True)
+    return _Collection(histories, plane, settings, timezone).trips()
+
+
+def collect_spans(
+    tracks: Iterable[TrackSamples], plane: Plane | None, settings: Settings
+) -> TripSpans:
+    """Find when the trips of all tracks are: those of :func:`collect_trips`, without the rest.
+
+    Parameters
+    ----------
+    tracks, plane, settings
+        As for :func:`collect_trips`.
+    """
+    histories = _read_histories(tracks, plane, settings, with_travel=False)
+    return TripSpans(
+        frozenset(each.id for each in histories if each.stops or each.moves),
+        tuple((each.id, move.start, move.end) for each in histories for move in each.moves),
+    )
+
+
+def _read_histories(
+    tracks: Iterable[TrackSamples], plane: Plane | None, settings: Settings, *, with_travel: bool
+) -> list[_History]:
+    """Stops and moves of each track."""
+    _check(settings)
 
     # Each track by itself; then those anew for which places tell more at which stays were seen.
     parts = _Parts(tracks, plane)
-    histories = [_read_history(track, settings, None) for track in parts]
+    histories = [_read_history(track, settings, None, with_travel) for track in parts]
     seen = [
         stop
         for each in histories
@@ -122,10 +148,10 @@ def collect_trips(
     _, centres = _group(seen, settings)
     if len(centres) and any(each.open for each in histories):
         histories = [
-            _read_history(track, settings, centres) if before.open else before
+            _read_history(track, settings, centres, with_travel) if before.open else before
             for track, before in zip(parts, histories, strict=True)
         ]
-    return _Collection(histories, plane, settings, timezone).trips()
+    return histories
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,13 +204,17 @@ def track_timeline(
     return build_timeline(fixes, settings, places, goes_on=goes_on)
 
 
-def _read_history(track: TrackSamples, settings: Settings, places: Floats | None) -> _History:
+def _read_history(
+    track: TrackSamples, settings: Settings, places: Floats | None, with_travel: bool
+) -> _History:
     line = track_timeline(track, settings, places)
-    moves = [
-        (move, measure_travel(line.fixes, move.start, move.end, move.begin, move.finish))
-        for move in line.moves
-    ]
-    return _History(track.id, line.stops, tuple(moves), line.unseen, len(line.doubtful), line.open)
+    travel = tuple(
+        measure_travel(line.fixes, move.start, move.end, move.begin, move.finish)
+        for move in (line.moves if with_travel else ())
+    )
+    return _History(
+        track.id, line.stops, line.moves, travel, line.unseen, len(line.doubtful), line.open
+    )
 
 
 def _group(stops: Sequence[Stop], settings: Settings) -> tuple[Integers, Floats]:
@@ -217,7 +247,7 @@ class _Collection:
         ends = [
             position
             for each in histories
-            for move, _ in each.moves
+            for move in each.moves
             for position, stop in ((move.begin, move.origin), (move.finish, move.goal))
             if stop is None
         ]
@@ -281,7 +311,7 @@ class _Collection:
             first += len(each.stops)
 
             # Moves between them.
-            for move, travel in each.moves:
+            for move, travel in zip(each.moves, each.travel, strict=True):
                 # Ends without a stop come in the order in which they were grouped.
                 origin = next(self.of_end) if move.origin is None else places[move.origin]
                 goal = next(self.of_end) if move.goal is None else places[move.goal]
@@ -306,7 +336,7 @@ class _Collection:
     def _zone(self) -> tuple[str, str]:
         """Name of the time zone, and who said it."""
         times = self.starts.tolist() or [
-            move.start for each in self.histories for move, _ in each.moves
+            move.start for each in self.histories for move in each.moves
         ]
         if not times or not counts_from_1970(min(times)):
             return "", ""

@@ -11,13 +11,19 @@ from numpy.typing import NDArray
 from gpszip.archive import Archive
 from gpszip.errors import OptionError
 from gpszip.geo.planes import to_plane
-from gpszip.history.stays.collect import TrackSamples, collect_trips
-from gpszip.history.stays.values import Settings
+from gpszip.history.stays.collect import TrackSamples, collect_spans, collect_trips
+from gpszip.history.stays.values import Settings, TripSpans
 from gpszip.io.tables.roles import names_accuracy
-from gpszip.model import Track
+from gpszip.model import Plane, Track
 from gpszip.model.trips import Trips
 
-__all__ = ["places_of_archive", "trips_of_archive", "trips_of_log"]
+__all__ = [
+    "places_of_archive",
+    "spans_of_archive",
+    "spans_of_log",
+    "trips_of_archive",
+    "trips_of_log",
+]
 
 #: Seconds, and samples, in which a segment between knots is travel that was seen: a longer one may
 #: bridge a gap that was too short to be one.
@@ -26,6 +32,8 @@ _SEEN_SAMPLES = 20.0
 
 #: Attribute under which logs are read with the errors that they state.
 _ACCURACY = "accuracy"
+
+_NO_TIMES = "no track has times, so there are no stays and trips"
 
 
 def trips_of_log(tracks: Sequence[Track], settings: Settings, timezone: str | None = None) -> Trips:
@@ -45,10 +53,8 @@ def trips_of_log(tracks: Sequence[Track], settings: Settings, timezone: str | No
     OptionError
         If no track has times, or there is no such time zone.
     """
-    timed = [track for track in tracks if track.timed]
-    if not timed:
-        raise OptionError("no track has times, so there are no stays and trips")
-    return collect_trips(_LogTracks(timed), timed[0].plane, settings, timezone)
+    samples, plane = _log_samples(tracks)
+    return collect_trips(samples, plane, settings, timezone)
 
 
 def trips_of_archive(archive: Archive, settings: Settings, timezone: str | None = None) -> Trips:
@@ -60,23 +66,28 @@ def trips_of_archive(archive: Archive, settings: Settings, timezone: str | None 
     ----------
     archive : Archive
         With times.
-    settings : Settings
-        What counts as a stay and as a trip.
-    timezone : str, optional
-        Time zone of local hours.
+    settings, timezone
+        As for :func:`trips_of_log`.
 
     Raises
     ------
     OptionError
         If no track has times, or there is no such time zone.
     """
-    if not archive.timed:
-        raise OptionError("no track has times, so there are no stays and trips")
-    kept = archive.kept_columns or ()
-    accuracy = next((name for name in kept if names_accuracy(name)), None)
-    error = 0.0 if archive.error_bound is None else archive.error_bound.metres
-    tracks = _ArchiveTracks(archive, accuracy, error)
-    return collect_trips(tracks, archive.grid.plane, settings, timezone)
+    return collect_trips(
+        _archive_samples(archive, archive.ids), archive.grid.plane, settings, timezone
+    )
+
+
+def spans_of_log(tracks: Sequence[Track]) -> TripSpans:
+    """When the trips of tracks are, as :func:`trips_of_log` finds them."""
+    samples, plane = _log_samples(tracks)
+    return collect_spans(samples, plane, Settings())
+
+
+def spans_of_archive(archive: Archive, ids: Sequence[str]) -> TripSpans:
+    """When the trips of some tracks of an archive are, as :func:`trips_of_archive` finds them."""
+    return collect_spans(_archive_samples(archive, ids), archive.grid.plane, Settings())
 
 
 def places_of_archive(archive: Archive) -> NDArray[np.float64]:
@@ -87,6 +98,24 @@ def places_of_archive(archive: Archive) -> NDArray[np.float64]:
     if archive.grid.plane is None:
         return coordinates
     return to_plane(coordinates[:, 0], coordinates[:, 1], archive.grid.plane)
+
+
+def _log_samples(tracks: Sequence[Track]) -> tuple[_LogTracks, Plane | None]:
+    """Samples of the tracks with times, and their plane."""
+    timed = [track for track in tracks if track.timed]
+    if not timed:
+        raise OptionError(_NO_TIMES)
+    return _LogTracks(timed), timed[0].plane
+
+
+def _archive_samples(archive: Archive, ids: Sequence[str]) -> _ArchiveTracks:
+    """Samples or knots of some tracks of an archive."""
+    if not archive.timed:
+        raise OptionError(_NO_TIMES)
+    kept = archive.kept_columns or ()
+    accuracy = next((name for name in kept if names_accuracy(name)), None)
+    error = 0.0 if archive.error_bound is None else archive.error_bound.metres
+    return _ArchiveTracks(archive, tuple(ids), accuracy, error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +138,12 @@ class _ArchiveTracks:
     """Tracks of an archive, decoded one by one; they can be iterated twice."""
 
     archive: Archive
+    ids: tuple[str, ...]
     accuracy: str | None
     error: float
 
     def __iter__(self) -> Iterator[TrackSamples]:
-        for id in self.archive.ids:
+        for id in self.ids:
             pieces = self.archive.decompress(id)
             if not pieces[0].timed:
                 continue

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from gpszip.history.stays.fixes import Fixes, lengths
 
@@ -25,8 +24,11 @@ _SPEED_STEPS = 6
 _MOVING_SPEED = 0.7
 
 #: A jump is faster than so many times the speed that one calm step in twenty exceeds, as for
-#: matching, and takes more than so many m/s² from rest and back to it, unlike a train after a walk.
-_JUMP_FACTOR, _JUMP_ACCELERATION = 4.0, 3.0
+#: matching.
+_JUMP_FACTOR = 4.0
+
+#: Metres per second² that it takes from rest and back to it, at least, unlike a train after a walk.
+_JUMP_ACCELERATION = 3.0
 
 #: Most positions along a trip; those of a longer one lie farther apart.
 _MAX_POSITIONS = 100_000
@@ -76,6 +78,8 @@ def measure_travel(fixes: Fixes, start: float, end: float, begin: Floats, finish
     >>> round(travel.length), round(travel.moving, -1)
     (5000, 540.0)
     """
+    from scipy.ndimage import uniform_filter1d
+
     # Fixes on the way, between where it begins and where it ends.
     first = int(np.searchsorted(fixes.times, start, side="right"))
     rows = slice(first, max(first, int(np.searchsorted(fixes.times, end))))
@@ -114,4 +118,4 @@ def _jumped(times: Floats, line: Floats) -> Floats:
         4.0 * metres > _JUMP_ACCELERATION * seconds**2
     )
     moved: Floats = np.cumsum(np.where(is_jump[:, None], steps, 0.0), axis=0)
-    return np.concatenate([0.0 * line[:1], moved])
+    return np.concatenate([np.zeros_like(line[:1]), moved])

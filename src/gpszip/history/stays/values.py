@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gpszip.history.stays.fixes import Fixes
 
-__all__ = ["Doubt", "Halt", "Move", "Settings", "Stop", "Timeline"]
+__all__ = ["Doubt", "Halt", "Move", "Settings", "Stop", "Timeline", "TripSpans"]
 
 Floats = NDArray[np.float64]
 
@@ -152,3 +152,19 @@ class Timeline:
     doubtful: tuple[Doubt, ...]
     unseen: int
     open: bool
+
+
+@dataclass(frozen=True, eq=False)
+class TripSpans:
+    """When the trips of a log are.
+
+    Parameters
+    ----------
+    tracks : frozenset of str
+        Names of the tracks that have a stay or a trip.
+    trips : tuple of (str, float, float)
+        Track of each trip, and seconds at which it begins and ends; track by track.
+    """
+
+    tracks: frozenset[str]
+    trips: tuple[tuple[str, float, float], ...]

@@ -14,16 +14,20 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.history.stays.values import TripSpans
 from gpszip.history.traversals import Traversals
 from gpszip.history.trips import MIN_STOP
 from gpszip.model import Track
-from gpszip.model.trips import Trips
 
 __all__ = ["LogTrip", "OffMap", "list_trips"]
 
 #: Metres off the map that count; less are errors of the receiver beside its roads. On small maps,
 #: they are so many times the distance at which the map ends.
 _MIN_METRES, _MIN_REACHES = 100.0, 10.0
+
+#: The fewest metres that count on any map. A single sample off the map makes two steps: 2 m of a
+#: robot at 1 m/s with a sample a second. Maps of simulated logs end millimetres from their edges.
+_LEAST_METRES = 3.0
 
 #: Seconds by which times of traversals may be off those of samples, which they are computed from.
 _ROUNDING = 1e-3
@@ -79,7 +83,7 @@ class LogTrip:
 def list_trips(
     tracks: Sequence[Track],
     traversals: Traversals,
-    found: Trips | None = None,
+    found: TripSpans | None = None,
     reach: float = math.inf,
 ) -> Iterator[LogTrip]:
     """List the trips of each track, and find their travel off the map.
@@ -90,18 +94,18 @@ def list_trips(
         A log with times.
     traversals : Traversals
         Its traversals; ``traversals.track`` are indices of ``tracks``.
-    found : Trips, optional
-        Stays and trips by positions. Without, and in tracks without either, trips end with stops
-        on an edge, and gaps, of five minutes or more.
+    found : TripSpans, optional
+        Trips by positions. Without, and in tracks without stays and trips, they end with stops on
+        an edge, and gaps, of five minutes or more.
     reach : float, default infinite
         Metres from all edges at which the map ends.
     """
-    least = min(_MIN_METRES, _MIN_REACHES * reach)
+    least = min(_MIN_METRES, max(_LEAST_METRES, _MIN_REACHES * reach))
     spans: dict[str, list[tuple[float, float]]] = {}
     if found is not None:
-        spans = {stay.track: [] for stay in found.stays}
-        for trip in found.trips:
-            spans.setdefault(trip.track, []).append((trip.start, trip.end))
+        spans = {name: [] for name in found.tracks}
+        for name, start, end in found.trips:
+            spans[name].append((start, end))
     bounds = np.searchsorted(traversals.track, np.arange(len(tracks) + 1))
     for number, track in enumerate(tracks):
         rows = np.arange(bounds[number], bounds[number + 1])

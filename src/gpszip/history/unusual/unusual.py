@@ -12,6 +12,7 @@ The score of a trip adds up bits, each a factor of two in probability:
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from itertools import groupby, pairwise
 from typing import NamedTuple
 
@@ -22,7 +23,7 @@ from gpszip.geo.planes import to_geographic
 from gpszip.history.prediction.predictor import Predictor
 from gpszip.history.prediction.read_route import tell_route
 from gpszip.history.traversals import History, Traversals
-from gpszip.history.trips import trips_of_tracks
+from gpszip.history.trips import lead_to_places, spans_of_tracks
 from gpszip.history.unusual.absences import find_absences
 from gpszip.history.unusual.log_trips import LogTrip, list_trips
 from gpszip.history.unusual.pass_index import index_passes
@@ -77,7 +78,7 @@ def find_unusual(
     Unusual
         Each trip with its score and its unusual parts, in the order of the log.
     """
-    found = trips_of_tracks(tracks, usual.predictor.trips)
+    found = spans_of_tracks(tracks, usual.by_places)
     listed = list_trips(tracks, traversals, found, choose_reach(usual.network))
     trips = [
         usual.score(trip, tracks[trip.track].id, traversals, tracks[trip.track].plane)
@@ -99,6 +100,7 @@ class Usual:
     """
 
     def __init__(self, history: History, timezone: str | None = None) -> None:
+        self._history = history
         self.network, self.rows = history.network, history.traversals
         rows = self.rows
         self.predictor = Predictor(history, timezone=timezone)
@@ -106,6 +108,11 @@ class Usual:
         self.index = index_passes(rows.directed, rows.starts, 2 * len(self.network))
         self.paces = learn_paces(self.network, rows, self.hours(rows))
         self.stops = learn_stops(self.network, rows)
+
+    @cached_property
+    def by_places(self) -> bool:
+        """Whether trips lead from place to place."""
+        return lead_to_places(self._history)
 
     def hours(self, rows: Traversals) -> Ints:
         """Hour of the day of each traversal, shape (n,); -1 where times are no dates."""
