@@ -188,13 +188,13 @@ def count_integers(cursor: Cursor, kind: Any, rows: int) -> int:
         fields = [kind.field(i).type for i in range(kind.num_fields)]
         return sum(count_integers(column_bytes(cursor), field, rows) for field in fields)
     if method in {_DECIMALS, _BITS}:
-        return _skip_floats(cursor, method, 4 if pa.types.is_float32(kind) else 8)
+        return _skip_floats(cursor, method, 4 if pa.types.is_float32(kind) else 8, rows)
     if method == _POINTS:
         size = cursor.read_byte("the size of a point")
         cursor.read_bytes(_HEAD_BYTES, "a point's head")
         axes = range((size - _HEAD_BYTES) // _DOUBLE_BYTES)
         return sum(
-            _skip_floats(cursor, cursor.read_byte("the method of floats"), _DOUBLE_BYTES)
+            _skip_floats(cursor, cursor.read_byte("the method of floats"), _DOUBLE_BYTES, rows)
             for _ in axes
         )
     cursor.read_rest()
@@ -340,31 +340,33 @@ def _read_floats(
         sign = 8 * size - 1
         bits = ordered ^ ((ordered >> sign) & np.int64((1 << sign) - 1))
         return bits.astype(f"i{size}").view(f"f{size}")
-    digits, places, exceptions = _read_exceptions(cursor, size)
+    digits, places, exceptions = _read_exceptions(cursor, size, rows)
     floats = (next(integers) / 10.0**digits).astype(f"f{size}")
-    if len(places) and places[-1] >= rows:
-        raise cursor.error(f"an exception past the last of {rows} numbers")
     floats[places] = exceptions
     return floats
 
 
-def _read_exceptions(cursor: Cursor, size: int) -> tuple[int, NDArray[np.intp], NDArray[Any]]:
+def _read_exceptions(
+    cursor: Cursor, size: int, rows: int
+) -> tuple[int, NDArray[np.intp], NDArray[Any]]:
     """Digits of numbers, and which rows have others."""
     digits = cursor.read_byte("digits of numbers")
     count = cursor.read_varint("a number of exceptions")
     if digits > _MAX_DIGITS or count > cursor.remaining:
         raise cursor.error(f"{count} exceptions of numbers with {digits} digits")
     gaps = [cursor.read_varint("an exception") for _ in range(count)]
+    if sum(gaps) + count > rows:
+        raise cursor.error(f"an exception past the last of {rows} numbers")
     data = cursor.read_bytes(count * size, "exceptions")
     places = np.cumsum(np.array(gaps, np.int64) + 1) - 1
     return digits, places.astype(np.intp), np.frombuffer(data, f"<f{size}")
 
 
-def _skip_floats(cursor: Cursor, method: int, size: int) -> int:
+def _skip_floats(cursor: Cursor, method: int, size: int, rows: int) -> int:
     """Pass over floats after the method; return how many columns of integers they have."""
     if method == _BITS:
         return 1 if size < _DOUBLE_BYTES else 2
-    _read_exceptions(cursor, size)
+    _read_exceptions(cursor, size, rows)
     return 1
 
 
@@ -507,7 +509,10 @@ def _read_as_arrow(cursor: Cursor, kind: Any, rows: int) -> Any:
         raise cursor.error(f"a column of {size} bytes")
     data = unpack_lzma(cursor.read_rest(), size, cursor.base + cursor.offset)
     with pa.ipc.open_stream(data) as reader:
-        column = reader.read_next_batch().column(0)
+        batch = reader.read_next_batch()
+    if batch.num_columns != 1:
+        raise cursor.error(f"{batch.num_columns} columns of Arrow in place of one")
+    column = batch.column(0)
     column.validate(full=True)
     if column.type != kind or len(column) != rows:
         raise cursor.error(f"a column of {column.type}, not {kind}")

@@ -19,6 +19,7 @@ from gpszip.lossless.layout import (
     TableLayout,
     encode_groups,
     encode_layout,
+    encode_runs,
     name_of_cell,
 )
 from gpszip.lossless.order import encode_order
@@ -297,7 +298,7 @@ class _Writer:
         if len(groups) and len(bounds) > _ONE_BLOCK:
             row_bounds = np.searchsorted(rows.bounds, bounds)
             for first, after in itertools.pairwise(row_bounds.tolist()):
-                parts.append(_encode_runs(groups[first:after]))
+                parts.append(encode_runs(groups[first:after]))
 
         # The blocks.
         self._spool.write(b"".join(parts))
@@ -368,15 +369,6 @@ def _block_bounds(rows: Rows, groups: _Ints) -> _Ints:
         bounds.append(end)
         row = after
     return np.array(bounds, np.int64)
-
-
-def _encode_runs(groups: _Ints) -> bytes:
-    """Encode how many rows a block has of which tracks."""
-    found, counts = np.unique(groups, return_counts=True)
-    gaps = np.diff(found, prepend=-1) - 1
-    pairs = zip(gaps.tolist(), counts.tolist(), strict=True)
-    runs = [encode_varint(gap) + encode_varint(count) for gap, count in pairs]
-    return encode_varint(len(found)) + b"".join(runs)
 
 
 def _suits(layout: TableLayout, head: bytes) -> bool:
