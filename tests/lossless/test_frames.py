@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gpszip.container.layout import Cursor, encode_varint
 from gpszip.errors import CorruptArchiveError
-from gpszip.lossless import frame_logs
+from gpszip.lossless import arrays, frame_logs, frames
 from gpszip.lossless.frame_logs import FrameHead, FrameSource
 from gpszip.lossless.frames import decode_frame, encode_frame
 from gpszip.lossless.guide_search import GuideFinder
@@ -184,6 +184,24 @@ def test_a_log_stays_as_it_is_where_its_bytes_are_fewer():
         assert b"".join(found.read(1)) == b"1,2\n"
         if not is_kept:
             assert b"".join(found.read(0)) == data
+
+
+@pytest.mark.parametrize(
+    ("module", "limit"), [(arrays, "_MAX_TEXT_BYTES"), (frames, "_MAX_INTEGERS")]
+)
+@pytest.mark.parametrize("column", ["newlines", "lists"])
+def test_a_log_stays_as_it_is_where_no_reader_would_accept_columns(
+    monkeypatch, module, limit, column
+):
+    monkeypatch.setattr(module, limit, 1)
+    batch = BATCH.select([column, "micro", "large"])
+    source = FrameSource(FrameHead(batch.schema, "zstd", (ROWS,)), lambda rows: iter([batch]))
+    sink, data = io.BytesIO(), bytes(10**6)
+    logs = [("a.parquet", lambda: [data])]
+    write_exact_logs(logs, sink, NO_TRAILS, frames={"a.parquet": source})
+    found = read_exact_logs(sink.getvalue(), NO_TRAILS)
+    assert not found.frames
+    assert b"".join(found.read(0)) == data
 
 
 def test_rows_over_several_spans_come_back(monkeypatch):

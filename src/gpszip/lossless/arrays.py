@@ -90,6 +90,11 @@ def encode_array(array: Any, integers: Integers, finder: GuideFinder) -> bytes:
         Columns of integers are added.
     finder : GuideFinder
         Finds what walks tell of numbers in texts.
+
+    Raises
+    ------
+    OverflowError
+        If texts or bytes take more memory than readers give them.
     """
     # Which values are missing.
     valid = _valid(array)
@@ -414,7 +419,14 @@ def _encode_texts(
     if len(blob) <= MAX_BLOCK_BYTES and blob.count(b"\n") == len(texts) - 1 and blob:
         return head + b"\1" + encode_varint(len(blob)) + encode_block(blob, finder)
     lengths = np.array([len(text) for text in texts], np.int64)
+    _check_size(int(lengths.sum()))
     return head + b"\0" + encode_column(lengths)[0] + pack_lzma(b"".join(texts))
+
+
+def _check_size(size: int) -> None:
+    """Refuse texts or bytes of a block that no reader would accept."""
+    if size > _MAX_TEXT_BYTES:
+        raise OverflowError(f"a column of {size} bytes; at most {_MAX_TEXT_BYTES} are allowed")
 
 
 def _read_texts(
@@ -499,6 +511,7 @@ def _encode_as_arrow(array: Any) -> bytes:
     with pa.ipc.new_stream(sink, batch.schema) as writer:
         writer.write_batch(batch)
     data = sink.getvalue().to_pybytes()
+    _check_size(len(data))
     return bytes([_ARROW]) + encode_varint(len(data)) + pack_lzma(data)
 
 

@@ -287,7 +287,13 @@ def read_head(cursor: Cursor, trails: Trails) -> tuple[FrameHead, Groups | None]
 def write_spans(
     source: FrameSource, finder: GuideFinder, known: dict[bytes, int], spool: BinaryIO
 ) -> None:
-    """Write the spans of a log; ``known`` gets its tracks, numbered as they first appear."""
+    """Write the spans of a log; ``known`` gets its tracks, numbered as they first appear.
+
+    Raises
+    ------
+    OverflowError
+        If columns of a block take more memory than readers give them.
+    """
     head = source.head
     is_sorted = head.track_column is not None
     for span in _whole_spans(source.batches(_ONE_BLOCK_ROWS), is_sorted=is_sorted):

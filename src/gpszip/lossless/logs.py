@@ -118,6 +118,8 @@ class ExactLogs:
         In the order in which they were compressed.
     body : bytes
         Body of the section.
+    spans : tuple
+        Where parts of the joined text lie in it.
     trails : Trails, optional
         Walks that predict the logs; None in sections of kind 9.
     is_guided : bool, default False

@@ -222,7 +222,7 @@ class _Writer:
             self._join(chunk)
 
     def add_frame(self, record: _Record, source: FrameSource, chunks: Iterable[bytes]) -> bool:
-        """Write a log of columns with types, unless they take more bytes than the log itself."""
+        """Write a log of columns with types, unless the log itself takes fewer bytes or memory."""
         from gpszip.lossless.frame_logs import write_spans
 
         self.flush()
@@ -230,8 +230,12 @@ class _Writer:
         for _ in _counted(record, chunks):
             pass
         has_found = self.finder.has_found
-        write_spans(source, self.finder, record.cells, self._spool)
-        if self._spool.tell() - start < record.size:
+        try:
+            write_spans(source, self.finder, record.cells, self._spool)
+            is_smaller = self._spool.tell() - start < record.size
+        except OverflowError:
+            is_smaller = False
+        if is_smaller:
             record.kind, record.frame = FRAMES, source.head
             self.records.append(record)
             return True
