@@ -73,6 +73,12 @@ def test_what_is_not_kept_is_refused(gpszip, archive, options, message):
     assert message in done.err
 
 
+def test_rows_of_text_are_no_parquet(gpszip, archive, tmp_path):
+    done = gpszip("decompress a.gpsz --exact --columns ele -o ele.parquet")
+    assert (done.code, "rows of text are written as text" in done.err) == (2, True)
+    assert not (tmp_path / "ele.parquet").exists()
+
+
 def test_tables_hold_the_texts_of_the_log(made):
     whole, _ = made
     rows = whole.exact_rows("van", ["t", "x", "ele"]).to_pylist()
