@@ -8,7 +8,6 @@ import pytest
 import gpszip
 from gpszip.archive.exact import find_trails
 from gpszip.archive.trails import ArchiveTrails, plain_degrees
-from gpszip.lossless.trails import NO_TRAILS
 from gpszip.model.grid import Plane
 from gpszip.model.projection import to_geographic
 
@@ -83,7 +82,8 @@ def test_positions_far_off_their_plane_raise_no_warning(archive):
 def test_archives_without_times_have_no_trails(archive):
     tracks, _ = archive
     shapes = gpszip.compress(tracks, rmse=5, times=False, effort=1)
-    assert find_trails(shapes) is NO_TRAILS
+    found = find_trails(shapes)
+    assert (found.names, found.trail(0)) == (shapes.ids, None)
 
 
 def test_a_track_without_times_has_no_trail():
@@ -97,4 +97,5 @@ def test_a_track_without_times_has_no_trail():
 def test_a_walk_on_a_known_map_predicts_nothing(archive):
     tracks, known = archive
     walks = gpszip.compress(tracks[:1], rmse=5, map=known, effort=1)
-    assert find_trails(walks) is NO_TRAILS
+    found = find_trails(walks)
+    assert (found.names, found.trail(0)) == (walks.ids, None)

@@ -69,6 +69,11 @@ def test_repairs_losses_and_columns_are_named(gpszip, log):
     assert "not kept" in dry.out
     assert "rows without" in dry.out or "row without" in dry.out
 
+    # A log that is kept exactly has all columns.
+    dry = gpszip("compress walk.csv --effort 1 --rmse 1 --lossless --dry-run")
+    assert "of which 1 are dropped" in dry.out
+    assert "not kept" not in dry.out
+
 
 @pytest.mark.parametrize("packed", [False, True])
 def test_standard_input_is_described_too(gpszip, log, tmp_path, packed):

@@ -73,6 +73,12 @@ def test_what_is_not_kept_is_refused(gpszip, archive, options, message):
     assert message in done.err
 
 
+def test_rows_of_text_are_no_parquet(gpszip, archive, tmp_path):
+    done = gpszip("decompress a.gpsz --exact --columns ele -o ele.parquet")
+    assert (done.code, "rows of text are written as text" in done.err) == (2, True)
+    assert not (tmp_path / "ele.parquet").exists()
+
+
 def test_tables_hold_the_texts_of_the_log(made):
     whole, _ = made
     rows = whole.exact_rows("van", ["t", "x", "ele"]).to_pylist()
@@ -116,3 +122,14 @@ def test_a_log_without_rows_says_so(tmp_path):
     archive = gpszip.compress(tmp_path / "walk.gpx", rmse=5, effort=1, lossless=True)
     with pytest.raises(OptionError, match=r"walk\.gpx has no rows with columns"):
         archive.exact_rows(columns=["ele"])
+
+
+def test_a_line_that_ends_within_a_cell_is_no_table(tmp_path):
+    cells = ["5\r6" if i == 9 else str(i) for i in range(40)]
+    rows = [f"{i % 2},{i},{i},{cell}\n" for i, cell in enumerate(cells)]
+    (tmp_path / "odd.csv").write_bytes(("id,t,x,y\n" + "".join(rows)).encode())
+    archive = gpszip.compress(tmp_path / "odd.csv", rmse=1, effort=1, lossless=True)
+    for columns in (["y"], ["y", "x"]):
+        with pytest.raises(OptionError, match=r"odd\.csv has an end of a line within a cell"):
+            archive.exact_rows(None, columns)
+    assert archive.exact_rows("0", ["y"]).num_rows == 20

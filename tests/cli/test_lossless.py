@@ -36,8 +36,10 @@ def test_a_log_comes_back_byte_by_byte(gpszip, log, tmp_path):
 
 
 def test_rows_that_are_dropped_or_repaired_are_kept(gpszip, messy, tmp_path):
+    assert "not kept: note" in gpszip("compress messy.csv --effort 1 --sort -o without.gpsz").err
     done = gpszip("compress messy.csv --lossless --effort 1 --sort -o a.gpsz")
     assert done.code in {0, 3}
+    assert "not kept" not in done.err
     assert gpszip("decompress a.gpsz --exact -o back.csv").code == 0
     assert (tmp_path / "back.csv").read_bytes() == messy.read_bytes()
 

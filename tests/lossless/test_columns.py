@@ -16,6 +16,7 @@ from gpszip.lossless.columns import (
     _encode_with,
     decode_column,
     encode_column,
+    skip_column,
 )
 from gpszip.lossless.kernels import column_coder, decisions
 from gpszip.lossless.setting import EXACT, FEW, MANY, NEAR
@@ -192,11 +193,36 @@ def test_a_forged_head_is_refused(position, byte, message):
 @given(st.binary(max_size=80), st.integers(0, 50))
 @settings(deadline=None)
 def test_any_bytes_are_a_column_or_an_error(data, rows):
+    passed = Cursor(data)
     try:
-        values, _ = decode_column(Cursor(data), rows)
+        skip_column(passed, rows)
+    except CorruptArchiveError:
+        passed = None
+    decoded = Cursor(data)
+    try:
+        values, _ = decode_column(decoded, rows)
     except CorruptArchiveError:
         return
     assert len(values) == rows
+    assert passed is not None
+    assert passed.offset == decoded.offset
+
+
+@pytest.mark.parametrize("rows", [1, 5000, 300_000])
+def test_a_column_is_passed_over_as_it_is_decoded(rows):
+    # Of 300,000 values, 1,154 runs have 260 rows, but for the last: lengths are runs, too.
+    for values in (np.full(rows, 7), np.arange(rows), np.arange(rows) // 260):
+        data = encode_column(values)[0]
+        cursor = Cursor(data + b"\7")
+        assert skip_column(cursor, rows) == (bool(values.any() and values[-1] != values[0]), False)
+        assert cursor.remaining == 1
+
+
+def test_forged_runs_of_runs_are_refused():
+    with pytest.raises(CorruptArchiveError, match="1 runs of 1 values"):
+        skip_column(Cursor(b"\5\1" * 5000), 300)
+    with pytest.raises(CorruptArchiveError, match="no column is coded by method 10"):
+        skip_column(Cursor(bytes([10, 1])), 300)
 
 
 def test_a_payload_that_ends_early_is_refused():

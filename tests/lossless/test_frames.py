@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpszip.container.layout import Cursor
+from gpszip.container.layout import Cursor, encode_varint
 from gpszip.errors import CorruptArchiveError
-from gpszip.lossless import frame_logs
+from gpszip.lossless import arrays, frame_logs, frames
 from gpszip.lossless.frame_logs import FrameHead, FrameSource
 from gpszip.lossless.frames import decode_frame, encode_frame
 from gpszip.lossless.guide_search import GuideFinder
@@ -146,6 +146,32 @@ def test_damage_is_found_or_harmless():
     assert refused > 8
 
 
+def test_exceptions_past_the_last_row_are_refused():
+    # Gaps between exceptions add up to a row of the batch, modulo 2**64.
+    batch = BATCH.select(["few odd"])
+    data = encode_frame(batch, GuideFinder(NO_TRAILS))
+    head, exception = bytes([0, 3, 1, 1]), bytes([9])
+    assert head + exception in data
+    gaps = encode_varint(2**62) + encode_varint(2**63 - 2**62) + encode_varint(2**63 - 9)
+    record = bytes([0, 3, 1, 3]) + gaps + bytes(24)
+    forged = encode_varint(len(record)) + record + data[1 + data[0] :]
+    with pytest.raises(CorruptArchiveError, match="an exception past the last of 96 numbers"):
+        decode_frame(Cursor(forged), batch.schema, ROWS, NO_TRAILS)
+
+
+def test_an_order_by_no_column_is_refused(monkeypatch):
+    monkeypatch.setattr(frame_logs, "_encode_order", lambda batch, order: b"\7" + bytes([0, 0]))
+    batch = BATCH.select(["texts", "micro"])
+    source = FrameSource(FrameHead(batch.schema, "zstd", (ROWS,), 0), lambda rows: iter([batch]))
+    sink = io.BytesIO()
+    logs = [("a.parquet", lambda: [bytes(10**5)])]
+    write_exact_logs(logs, sink, NO_TRAILS, frames={"a.parquet": source})
+    found = read_exact_logs(sink.getvalue(), NO_TRAILS).frames[0]
+    for columns in (None, [1]):
+        with pytest.raises(CorruptArchiveError, match="keys in column 7 of 2"):
+            list(found.batches(None, columns))
+
+
 def test_a_log_stays_as_it_is_where_its_bytes_are_fewer():
     head = FrameHead(BATCH.schema, "zstd", (ROWS,))
     frames = {"a.parquet": FrameSource(head, lambda rows: iter([BATCH]))}
@@ -158,6 +184,24 @@ def test_a_log_stays_as_it_is_where_its_bytes_are_fewer():
         assert b"".join(found.read(1)) == b"1,2\n"
         if not is_kept:
             assert b"".join(found.read(0)) == data
+
+
+@pytest.mark.parametrize(
+    ("module", "limit"), [(arrays, "_MAX_TEXT_BYTES"), (frames, "_MAX_INTEGERS")]
+)
+@pytest.mark.parametrize("column", ["newlines", "lists"])
+def test_a_log_stays_as_it_is_where_no_reader_would_accept_columns(
+    monkeypatch, module, limit, column
+):
+    monkeypatch.setattr(module, limit, 1)
+    batch = BATCH.select([column, "micro", "large"])
+    source = FrameSource(FrameHead(batch.schema, "zstd", (ROWS,)), lambda rows: iter([batch]))
+    sink, data = io.BytesIO(), bytes(10**6)
+    logs = [("a.parquet", lambda: [data])]
+    write_exact_logs(logs, sink, NO_TRAILS, frames={"a.parquet": source})
+    found = read_exact_logs(sink.getvalue(), NO_TRAILS)
+    assert not found.frames
+    assert b"".join(found.read(0)) == data
 
 
 def test_rows_over_several_spans_come_back(monkeypatch):

@@ -7,10 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpszip.errors import CorruptArchiveError
+from gpszip.container.expansion import deflate
+from gpszip.container.layout import Cursor, encode_varint
+from gpszip.errors import CorruptArchiveError, OptionError
 from gpszip.lossless import tables, write_logs
-from gpszip.lossless.layout import TableLayout
+from gpszip.lossless.columns import encode_column
+from gpszip.lossless.layout import MAX_COLUMNS, TableLayout, decode_layout, encode_layout
 from gpszip.lossless.logs import ExactLogs, read_exact_logs, write_exact_logs
+from gpszip.lossless.order import read_key
+from gpszip.lossless.rows import has_stray_quotes
+from gpszip.lossless.text import decode_cells
 from gpszip.lossless.trails import NO_TRAILS, NamedTrails
 from oracle import exact_logs
 from random_tests import examples
@@ -187,3 +193,49 @@ def test_forged_rows_are_refused(small_parts):
         except CorruptArchiveError:
             refused += 1
     assert refused > 15
+
+
+@pytest.mark.parametrize("cell", ['5" pipe', '"a"b', 'a "b'])
+def test_rows_with_quotes_within_cells_come_back_as_a_whole_only(cell):
+    rows = [f"{i % 2};{i};{i};{cell if i in (7, 9) else 'a'};0\r\n" for i in range(40)]
+    data = HEADER + "".join(rows).encode()
+    found = read_exact_logs(body_of(data), NAMES)
+    assert b"".join(found.read(0)) == data
+    for track, columns in (("1", None), (None, [1]), ("1", [1, 3])):
+        with pytest.raises(OptionError, match="a quote within a cell"):
+            list(found.rows(0, track, columns))
+
+
+def test_quotes_at_the_ends_of_cells_are_none_within():
+    rows = ['"a;""b"""; "c" ;"";d\r\n', '"x\ny";1;"z"\n']
+    assert not has_stray_quotes("".join(rows).encode(), ord(";"))
+    assert has_stray_quotes(b'a;"b\n', ord(";"))
+
+
+def test_a_forged_order_is_refused():
+    # Rows are ordered by a column that no row has, or one that would take much memory.
+    forged = {1 << 12: None, (1 << 12) + 1: "keys in column 4097 of 4096", 1 << 60: "keys in"}
+    for column, message in forged.items():
+        cursor = Cursor(encode_varint(column))
+        if message is None:
+            assert read_key(cursor, MAX_COLUMNS) == column - 1
+            continue
+        with pytest.raises(CorruptArchiveError, match=message):
+            read_key(cursor, MAX_COLUMNS)
+
+
+def test_parts_of_forged_records_take_no_more_memory_than_their_text():
+    # Each of 1,000 records has a shape that is longer than the text.
+    shape = b"a" * 3000 + b",b\n"
+    packed = deflate(encode_varint(len(shape)) + shape)
+    head = b"".join(map(encode_varint, [1000, 1, len(shape) + 2, len(packed)]))
+    block = b"\3" + head + packed + encode_column(np.zeros(1000, np.int64))[0]
+    with pytest.raises(CorruptArchiveError, match="records of 3003000 bytes at least in 1100"):
+        decode_cells(Cursor(block), 1100, NO_TRAILS, ord(","), [1])
+
+
+@pytest.mark.parametrize("delimiter", [0, 10, 13, 34, 200])
+def test_a_forged_delimiter_is_refused(delimiter):
+    data = bytes([delimiter]) + encode_layout(LAYOUT)[1:]
+    with pytest.raises(CorruptArchiveError, match=f"no cells end at byte {delimiter}"):
+        decode_layout(Cursor(data))

@@ -564,8 +564,8 @@ class Archive(ArchiveFrames):
         UnknownTrackError
             If there is no such track.
         OptionError
-            If no log is kept exactly, a log has no such rows or columns, or logs have different
-            columns.
+            If no log is kept exactly, a log has no such rows or columns, logs have different
+            columns, or quotes or ends of lines within cells hide where rows and cells end.
         CorruptArchiveError
             If a block is damaged.
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpszip.archive.exact import find_exact_logs
 from gpszip.errors import OptionError, UnknownTrackError
+from gpszip.lossless.rows import find_rows
 
 if TYPE_CHECKING:
     from gpszip.archive.archive import Archive
@@ -80,7 +81,15 @@ class ChosenRows:
                 yield part, part.count(b"\n") + (not part.endswith(b"\n") and len(part) > 0)
 
     def table(self) -> Any:
-        """The rows as a table of Arrow, whose cells are the texts in the log."""
+        """The rows as a table of Arrow, whose cells are the texts in the log.
+
+        Raises
+        ------
+        CorruptArchiveError
+            If a block is damaged.
+        OptionError
+            If quotes or ends of lines within cells hide where rows and cells end.
+        """
         import pyarrow as pa
         import pyarrow.csv as pc
 
@@ -96,18 +105,28 @@ class ChosenRows:
             text.decode()
         except UnicodeDecodeError:
             text = text.decode("latin-1").encode()
-        return pc.read_csv(
-            pa.BufferReader(text),
-            pc.ReadOptions(column_names=chosen, block_size=len(text) + 1),
-            pc.ParseOptions(
-                delimiter=chr(self.layout.delimiter),
-                newlines_in_values=True,
-                ignore_empty_lines=False,
-            ),
-            pc.ConvertOptions(
-                column_types=dict.fromkeys(chosen, pa.string()), strings_can_be_null=False
-            ),
-        )
+        try:
+            table = pc.read_csv(
+                pa.BufferReader(text),
+                pc.ReadOptions(column_names=chosen, block_size=len(text) + 1),
+                pc.ParseOptions(
+                    delimiter=chr(self.layout.delimiter),
+                    newlines_in_values=True,
+                    ignore_empty_lines=False,
+                ),
+                pc.ConvertOptions(
+                    column_types=dict.fromkeys(chosen, pa.string()), strings_can_be_null=False
+                ),
+            )
+        except pa.ArrowInvalid:
+            table = None
+        # Arrow also ends rows at a carriage return within a cell.
+        if table is None or table.num_rows != len(find_rows(text, self.layout.delimiter)):
+            raise OptionError(
+                f"{self.logs.logs[self.numbers[0]].name} has an end of a line within a cell",
+                remedy="take its text: decompress --exact, with --track and --columns",
+            )
+        return table
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.keep_option import KeptColumns, keep_options, parse_keep
 from gpszip.cli.lossless import (
     check_lossless,
+    keep_all_columns,
     log_keeper,
     lossless_options,
     open_sources,
@@ -304,6 +305,8 @@ def command(
     # Print the summary.
     # Logs that come from files always have one.
     assert read_result is not None
+    if lossless:
+        read_result = keep_all_columns(read_result)
     if settings.json or not quiet:
         print_summary(target, read_result, report, as_json=settings.json)
         if removed and not settings.json:
@@ -333,15 +336,16 @@ def _dry_run(
         files = tuple(describe_files(sources, reading.choices["format"]))
         with reading.open(sources, None) as log:
             read_seconds = time.process_time()
+            exact = reading.choices["lossless"]
             found = estimate(
                 log,
                 options,
                 memory=_memory(reading.choices),
                 map=reading.known_map,
                 extended=reading.extended,
-                exact=reading.choices["lossless"],
+                exact=exact,
             )
-            dry_run = DryRun(target, files, log, found, read_seconds)
+            dry_run = DryRun(target, files, log, found, read_seconds, exact=exact)
             print_dry_run(dry_run, as_json=as_json)
             return Outcome.DONE if dry_run.read_result.complete else Outcome.LEFT_OUT
 

@@ -267,6 +267,8 @@ def _write_rows(
             raise OptionError(
                 "rows of Parquet are written as Parquet", remedy="name the output .parquet"
             )
+        if chosen.suffix == ".csv" and target.endswith(".parquet"):
+            raise OptionError("rows of text are written as text", remedy="name the output .csv")
         rows, size = write_rows(chosen, target, force=force)
     if settings.json:
         facts = {"output": target, "logs": len(chosen.numbers), "rows": rows, "bytes": size}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpszip.cli.lossless import keep_all_columns
 from gpszip.cli.output import print_json
 from gpszip.cli.summary import describe_repairs, losses_as_dict, print_losses, repairs_as_dict
 from gpszip.cli.units import format_bytes, format_count, format_duration, format_time
@@ -68,6 +69,8 @@ class DryRun:
         Of the archive.
     read_seconds : float
         CPU time to start and to read.
+    exact : bool, default False
+        Whether the logs are kept exactly, with all columns.
     """
 
     target: str
@@ -75,12 +78,14 @@ class DryRun:
     log: Log
     estimate: Estimate
     read_seconds: float
+    exact: bool = False
 
     @property
     def read_result(self) -> ReadResult:
         """What was read: logs that come from files always have it."""
-        assert self.log.read_result is not None
-        return self.log.read_result
+        read_result = self.log.read_result
+        assert read_result is not None
+        return keep_all_columns(read_result) if self.exact else read_result
 
     @property
     def coordinates(self) -> str:

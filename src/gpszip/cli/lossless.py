@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
 if TYPE_CHECKING:
+    from gpszip.model.read_result import ReadResult
     from gpszip.pipeline.compress import LogKeeper
 
 __all__ = [
     "check_lossless",
+    "keep_all_columns",
     "log_keeper",
     "lossless_options",
     "open_sources",
@@ -77,6 +80,11 @@ def log_keeper(sources: Sequence[Any], *, lossless: bool, remove: bool) -> LogKe
     if remove:
         check_removable(sources)
     return partial(exact_section, sources)
+
+
+def keep_all_columns(read_result: ReadResult) -> ReadResult:
+    """What was read of logs that are kept exactly: no column of theirs is dropped."""
+    return replace(read_result, dropped_columns=())
 
 
 def remove_logs(target: str, sources: Sequence[Any]) -> int:

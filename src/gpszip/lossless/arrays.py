@@ -90,6 +90,11 @@ def encode_array(array: Any, integers: Integers, finder: GuideFinder) -> bytes:
         Columns of integers are added.
     finder : GuideFinder
         Finds what walks tell of numbers in texts.
+
+    Raises
+    ------
+    OverflowError
+        If texts or bytes take more memory than readers give them.
     """
     # Which values are missing.
     valid = _valid(array)
@@ -188,13 +193,13 @@ def count_integers(cursor: Cursor, kind: Any, rows: int) -> int:
         fields = [kind.field(i).type for i in range(kind.num_fields)]
         return sum(count_integers(column_bytes(cursor), field, rows) for field in fields)
     if method in {_DECIMALS, _BITS}:
-        return _skip_floats(cursor, method, 4 if pa.types.is_float32(kind) else 8)
+        return _skip_floats(cursor, method, 4 if pa.types.is_float32(kind) else 8, rows)
     if method == _POINTS:
         size = cursor.read_byte("the size of a point")
         cursor.read_bytes(_HEAD_BYTES, "a point's head")
         axes = range((size - _HEAD_BYTES) // _DOUBLE_BYTES)
         return sum(
-            _skip_floats(cursor, cursor.read_byte("the method of floats"), _DOUBLE_BYTES)
+            _skip_floats(cursor, cursor.read_byte("the method of floats"), _DOUBLE_BYTES, rows)
             for _ in axes
         )
     cursor.read_rest()
@@ -340,31 +345,33 @@ def _read_floats(
         sign = 8 * size - 1
         bits = ordered ^ ((ordered >> sign) & np.int64((1 << sign) - 1))
         return bits.astype(f"i{size}").view(f"f{size}")
-    digits, places, exceptions = _read_exceptions(cursor, size)
+    digits, places, exceptions = _read_exceptions(cursor, size, rows)
     floats = (next(integers) / 10.0**digits).astype(f"f{size}")
-    if len(places) and places[-1] >= rows:
-        raise cursor.error(f"an exception past the last of {rows} numbers")
     floats[places] = exceptions
     return floats
 
 
-def _read_exceptions(cursor: Cursor, size: int) -> tuple[int, NDArray[np.intp], NDArray[Any]]:
+def _read_exceptions(
+    cursor: Cursor, size: int, rows: int
+) -> tuple[int, NDArray[np.intp], NDArray[Any]]:
     """Digits of numbers, and which rows have others."""
     digits = cursor.read_byte("digits of numbers")
     count = cursor.read_varint("a number of exceptions")
     if digits > _MAX_DIGITS or count > cursor.remaining:
         raise cursor.error(f"{count} exceptions of numbers with {digits} digits")
     gaps = [cursor.read_varint("an exception") for _ in range(count)]
+    if sum(gaps) + count > rows:
+        raise cursor.error(f"an exception past the last of {rows} numbers")
     data = cursor.read_bytes(count * size, "exceptions")
     places = np.cumsum(np.array(gaps, np.int64) + 1) - 1
     return digits, places.astype(np.intp), np.frombuffer(data, f"<f{size}")
 
 
-def _skip_floats(cursor: Cursor, method: int, size: int) -> int:
+def _skip_floats(cursor: Cursor, method: int, size: int, rows: int) -> int:
     """Pass over floats after the method; return how many columns of integers they have."""
     if method == _BITS:
         return 1 if size < _DOUBLE_BYTES else 2
-    _read_exceptions(cursor, size)
+    _read_exceptions(cursor, size, rows)
     return 1
 
 
@@ -412,7 +419,14 @@ def _encode_texts(
     if len(blob) <= MAX_BLOCK_BYTES and blob.count(b"\n") == len(texts) - 1 and blob:
         return head + b"\1" + encode_varint(len(blob)) + encode_block(blob, finder)
     lengths = np.array([len(text) for text in texts], np.int64)
+    _check_size(int(lengths.sum()))
     return head + b"\0" + encode_column(lengths)[0] + pack_lzma(b"".join(texts))
+
+
+def _check_size(size: int) -> None:
+    """Refuse texts or bytes of a block that no reader would accept."""
+    if size > _MAX_TEXT_BYTES:
+        raise OverflowError(f"a column of {size} bytes; at most {_MAX_TEXT_BYTES} are allowed")
 
 
 def _read_texts(
@@ -497,6 +511,7 @@ def _encode_as_arrow(array: Any) -> bytes:
     with pa.ipc.new_stream(sink, batch.schema) as writer:
         writer.write_batch(batch)
     data = sink.getvalue().to_pybytes()
+    _check_size(len(data))
     return bytes([_ARROW]) + encode_varint(len(data)) + pack_lzma(data)
 
 
@@ -507,7 +522,10 @@ def _read_as_arrow(cursor: Cursor, kind: Any, rows: int) -> Any:
         raise cursor.error(f"a column of {size} bytes")
     data = unpack_lzma(cursor.read_rest(), size, cursor.base + cursor.offset)
     with pa.ipc.open_stream(data) as reader:
-        column = reader.read_next_batch().column(0)
+        batch = reader.read_next_batch()
+    if batch.num_columns != 1:
+        raise cursor.error(f"{batch.num_columns} columns of Arrow in place of one")
+    column = batch.column(0)
     column.validate(full=True)
     if column.type != kind or len(column) != rows:
         raise cursor.error(f"a column of {column.type}, not {kind}")

@@ -180,9 +180,9 @@ def decode_column(
         return np.zeros(0, np.int64), CodedColumn(np.zeros(0, np.int64), 0, sizes)
 
     # The method and the first value; of a constant, that is all.
-    method = cursor.read_byte("a column's method")
+    method = _read_method(cursor)
     is_guided = _is_guided(method)
-    if method >= _METHODS or (is_guided and guide is None):
+    if is_guided and guide is None:
         raise cursor.error(f"no column is coded by method {method}")
     if method == _RUNS:
         values = _decode_runs(cursor, count)
@@ -212,8 +212,8 @@ def decode_column(
     return values, CodedColumn(values, shift, sizes)
 
 
-def skip_column(cursor: Cursor) -> tuple[bool, bool]:
-    """Pass over a column of some values.
+def skip_column(cursor: Cursor, count: int) -> tuple[bool, bool]:
+    """Pass over a column of ``count`` values; none of them is decoded.
 
     Returns
     -------
@@ -230,14 +230,16 @@ def skip_column(cursor: Cursor) -> tuple[bool, bool]:
     Examples
     --------
     >>> data, _ = encode_column(np.arange(100) ** 2)
-    >>> skip_column(Cursor(data))
+    >>> skip_column(Cursor(data), 100)
     (True, False)
     """
-    method = cursor.read_byte("a column's method")
+    if count == 0:
+        return False, False
+    method = _read_method(cursor)
     if method == _RUNS:
-        cursor.read_varint("the number of runs")
-        skip_column(cursor)
-        skip_column(cursor)
+        runs = _read_run_count(cursor, count)
+        skip_column(cursor, runs)
+        skip_column(cursor, runs)
         return True, False
     cursor.read_signed("a first value")
     if method == _CONSTANT:
@@ -247,6 +249,14 @@ def skip_column(cursor: Cursor) -> tuple[bool, bool]:
     cursor.read_varint("a first mean error")
     cursor.read_bytes(cursor.read_varint("a payload's length"), "a payload")
     return True, _is_guided(method)
+
+
+def _read_method(cursor: Cursor) -> int:
+    """Read the method with which a column begins."""
+    method = cursor.read_byte("a column's method")
+    if method >= _METHODS:
+        raise cursor.error(f"no column is coded by method {method}")
+    return method
 
 
 def _base(method: int) -> int:
@@ -273,11 +283,17 @@ def _encode_runs(values: _Ints, starts: NDArray[np.intp]) -> bytes:
     return encode_varint(len(starts)) + b"".join(parts)
 
 
-def _decode_runs(cursor: Cursor, count: int) -> _Ints:
-    """Undo :func:`_encode_runs`."""
+def _read_run_count(cursor: Cursor, count: int) -> int:
+    """Read the number of runs of ``count`` values: they are long, so runs of runs are few."""
     runs = cursor.read_varint("the number of runs")
     if not 0 < runs * _MIN_RUN <= count:
         raise cursor.error(f"{runs} runs of {count} values")
+    return runs
+
+
+def _decode_runs(cursor: Cursor, count: int) -> _Ints:
+    """Undo :func:`_encode_runs`."""
+    runs = _read_run_count(cursor, count)
     values, _ = decode_column(cursor, runs)
     lengths, _ = decode_column(cursor, runs)
     if lengths.min() < 1 or lengths.max() > count or int(lengths.sum()) != count:

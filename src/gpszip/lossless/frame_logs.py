@@ -19,7 +19,7 @@ from gpszip.lossless.arrays import order_keys
 from gpszip.lossless.columns import decode_column, encode_column
 from gpszip.lossless.frames import decode_frame, encode_frame
 from gpszip.lossless.guide_search import GuideFinder
-from gpszip.lossless.layout import Groups, decode_groups
+from gpszip.lossless.layout import Groups, Runs, decode_groups, encode_runs, read_runs, rows_of_runs
 from gpszip.lossless.order import decode_order, encode_order, read_key
 from gpszip.lossless.trails import Trails
 
@@ -104,12 +104,12 @@ class FrameSource:
 
 @dataclass(frozen=True)
 class _Block:
-    """Rows of a block, its bytes in the body, and pairs of a track and its rows."""
+    """Rows of a block, its bytes in the body, and runs of rows of one track."""
 
     rows: int
     offset: int
     length: int
-    runs: tuple[tuple[int, int], ...] = ()
+    runs: Runs = ()
 
 
 @dataclass(frozen=True)
@@ -164,12 +164,8 @@ class FrameLog:
                 continue
             for block in span.blocks:
                 if any(group in wanted for group, _ in block.runs):
-                    is_wanted = np.repeat(
-                        [group in wanted for group, _ in block.runs],
-                        [count for _, count in block.runs],
-                    )
                     batch = self._decode(block, columns)
-                    yield batch.filter(pa.array(is_wanted))
+                    yield batch.filter(pa.array(rows_of_runs(block.runs, wanted)))
 
     def file(self) -> Iterator[bytes]:
         """Yield the bytes of a file of Parquet with the same schema, rows and row groups.
@@ -209,7 +205,7 @@ class FrameLog:
                 yield self._decode(block, columns)
             return
         cursor = Cursor(self.body, span.order)
-        key = read_key(cursor)
+        key = read_key(cursor, len(self.head.schema))
         needed = columns if columns is None or key is None else [*columns, key]
         parts = [self._decode(block, needed) for block in span.blocks]
         batch = _joined(parts)
@@ -217,7 +213,7 @@ class FrameLog:
         if key is not None:
             # The key was decoded last, unless all columns were.
             place = key if columns is None else len(columns)
-            keys = order_keys(batch.column(place)) if place < batch.num_columns else None
+            keys = order_keys(batch.column(place))
             if keys is None:
                 raise CorruptArchiveError("rows have no order", span.order)
         order = decode_order(cursor, span.rows, keys)
@@ -291,7 +287,13 @@ def read_head(cursor: Cursor, trails: Trails) -> tuple[FrameHead, Groups | None]
 def write_spans(
     source: FrameSource, finder: GuideFinder, known: dict[bytes, int], spool: BinaryIO
 ) -> None:
-    """Write the spans of a log; ``known`` gets its tracks, numbered as they first appear."""
+    """Write the spans of a log; ``known`` gets its tracks, numbered as they first appear.
+
+    Raises
+    ------
+    OverflowError
+        If columns of a block take more memory than readers give them.
+    """
     head = source.head
     is_sorted = head.track_column is not None
     for span in _whole_spans(source.batches(_ONE_BLOCK_ROWS), is_sorted=is_sorted):
@@ -311,7 +313,7 @@ def write_spans(
             spool.write(encode_varint(len(order)) + order)
         for first, after in itertools.pairwise(bounds):
             if is_sorted:
-                spool.write(_encode_runs(groups[first:after]))
+                spool.write(encode_runs(groups[first:after]))
             coded = encode_frame(batch.slice(first, after - first), finder)
             spool.write(encode_varint(after - first) + encode_varint(len(coded)) + coded)
 
@@ -352,23 +354,14 @@ def name_of_value(value: object) -> bytes:
 
 def _read_block(cursor: Cursor, groups: Groups | None) -> _Block:
     """Read the head of a block, and pass over its bytes."""
-    runs: list[tuple[int, int]] = []
-    if groups is not None:
-        count, group = cursor.read_varint("the number of tracks in a block"), -1
-        if count > len(groups.cells):
-            raise cursor.error(f"a block of {count} tracks of {len(groups.cells)}")
-        for _ in range(count):
-            group += cursor.read_varint("a track") + 1
-            runs.append((group, cursor.read_varint("rows of a track")))
-        if group >= len(groups.cells):
-            raise cursor.error(f"rows of none of {len(groups.cells)} tracks")
+    runs = () if groups is None else read_runs(cursor, len(groups.cells))
     rows = cursor.read_varint("rows of a block")
     length = cursor.read_varint("the length of a block")
     if not 0 < rows <= min(_SPAN_ROWS, _FREE_ROWS + _ROWS_PER_BYTE * length):
         raise cursor.error(f"{rows} rows in {length} bytes")
     if groups is not None and rows != sum(count for _, count in runs):
         raise cursor.error(f"tracks do not have {rows} rows")
-    block = _Block(rows, cursor.offset, length, tuple(runs))
+    block = _Block(rows, cursor.offset, length, runs)
     cursor.read_bytes(length, "a block")
     return block
 
@@ -420,13 +413,3 @@ def _encode_order(batch: Any, by_track: _Ints) -> bytes:
         return found
 
     return encode_order(by_track, keys, columns)
-
-
-def _encode_runs(groups: _Ints) -> bytes:
-    """Encode how many rows a block has of which tracks."""
-    found, counts = np.unique(groups, return_counts=True)
-    gaps = np.diff(found, prepend=-1) - 1
-    pairs = zip(gaps.tolist(), counts.tolist(), strict=True)
-    return encode_varint(len(found)) + b"".join(
-        encode_varint(gap) + encode_varint(count) for gap, count in pairs
-    )

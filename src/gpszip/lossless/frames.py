@@ -36,6 +36,11 @@ def encode_frame(batch: Any, finder: GuideFinder) -> bytes:
     finder : GuideFinder
         Finds what walks tell of the numbers.
 
+    Raises
+    ------
+    OverflowError
+        If columns take more memory than readers give them.
+
     Examples
     --------
     >>> from gpszip.lossless.trails import NO_TRAILS
@@ -48,6 +53,8 @@ def encode_frame(batch: Any, finder: GuideFinder) -> bytes:
     for column in batch.columns:
         record = encode_array(column, integers, finder)
         parts.append(encode_varint(len(record)) + record)
+    if len(integers.columns) > _MAX_INTEGERS:
+        raise OverflowError(f"{len(integers.columns)} columns of numbers")
     table = encode_table(integers.columns, integers.digits, finder) if integers.columns else b""
     return b"".join([*parts, encode_varint(len(integers.columns)), table])
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpszip.container.layout import Cursor, encode_varint
 from gpszip.lossless.columns import decode_column, encode_column
@@ -16,12 +17,16 @@ __all__ = [
     "MAX_COLUMNS",
     "MAX_PREAMBLE",
     "Groups",
+    "Runs",
     "TableLayout",
     "decode_groups",
     "decode_layout",
     "encode_groups",
     "encode_layout",
+    "encode_runs",
     "name_of_cell",
+    "read_runs",
+    "rows_of_runs",
 ]
 
 #: Longest text before the first row that an archive holds beside the rows, and longest cell that
@@ -32,8 +37,12 @@ _MAX_NAME = 1 << 6
 #: Most columns.
 MAX_COLUMNS = 1 << 12
 
-#: Delimiters are letters of ASCII.
+#: Delimiters are letters of ASCII, but none that end a row or a quotation.
 _FIRST_BEYOND = 128
+_NO_DELIMITERS = b'\0\n\r"'
+
+#: Runs of rows of one track, in a block: pairs of the number of a track and a number of rows.
+Runs = tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True)
@@ -62,12 +71,15 @@ class TableLayout:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the columns; empty where none are named."""
+        """Names of the columns; empty where none are named, or their line is damaged."""
         if not self.has_header:
             return ()
         line = self.preamble.rstrip(b"\r\n").rpartition(b"\n")[2]
         text = _decode(line).lstrip("\ufeff# ")
-        return tuple(next(csv.reader([text], delimiter=chr(self.delimiter)), ()))
+        try:
+            return tuple(next(csv.reader([text], delimiter=chr(self.delimiter)), ()))
+        except csv.Error:
+            return ()
 
 
 @dataclass(frozen=True)
@@ -121,8 +133,10 @@ def decode_layout(cursor: Cursor) -> tuple[TableLayout, int]:
     width = cursor.read_varint("the number of columns")
     track = cursor.read_varint("a column of tracks")
     length = cursor.read_varint("the length of what stands before the rows")
-    if has_header > 1 or width > MAX_COLUMNS or track > width or delimiter >= _FIRST_BEYOND:
+    if has_header > 1 or width > MAX_COLUMNS or track > width:
         raise cursor.error("a layout is out of range")
+    if delimiter >= _FIRST_BEYOND or delimiter in _NO_DELIMITERS:
+        raise cursor.error(f"no cells end at byte {delimiter}")
     if length > MAX_PREAMBLE:
         raise cursor.error(f"{length} bytes before the rows")
     return (
@@ -166,6 +180,46 @@ def decode_groups(cursor: Cursor, trails: Trails) -> Groups:
             raise cursor.error(f"a track's name of {length} bytes")
         cells.append(cursor.read_bytes(length, "a track's name"))
     return Groups(tuple(cells))
+
+
+def encode_runs(groups: NDArray[np.int64]) -> bytes:
+    """Encode how many rows of a block are of which tracks.
+
+    Parameters
+    ----------
+    groups : int64 array, shape (n,)
+        Number of the track of each row, in order.
+    """
+    found, counts = np.unique(groups, return_counts=True)
+    gaps = np.diff(found, prepend=-1) - 1
+    pairs = zip(gaps.tolist(), counts.tolist(), strict=True)
+    runs = [encode_varint(gap) + encode_varint(count) for gap, count in pairs]
+    return encode_varint(len(found)) + b"".join(runs)
+
+
+def read_runs(cursor: Cursor, groups: int) -> Runs:
+    """Undo :func:`encode_runs` in a log of so many tracks.
+
+    Raises
+    ------
+    CorruptArchiveError
+        If there are no such tracks.
+    """
+    count = cursor.read_varint("the number of tracks in a block")
+    if count > groups:
+        raise cursor.error(f"a block of {count} tracks of {groups}")
+    group, runs = -1, []
+    for _ in range(count):
+        group += cursor.read_varint("a track") + 1
+        if group >= groups:
+            raise cursor.error(f"rows of none of {groups} tracks")
+        runs.append((group, cursor.read_varint("a number of rows")))
+    return tuple(runs)
+
+
+def rows_of_runs(runs: Runs, wanted: Collection[int]) -> NDArray[np.bool_]:
+    """Whether each row of a block is of one of the tracks with these numbers."""
+    return np.repeat([group in wanted for group, _ in runs], [count for _, count in runs])
 
 
 def _decode(data: bytes) -> str:

@@ -11,9 +11,19 @@ import numpy as np
 
 from gpszip.container.layout import CHECKSUM_BYTES, Cursor
 from gpszip.errors import CorruptArchiveError
-from gpszip.lossless.layout import Groups, TableLayout, decode_groups, decode_layout, name_of_cell
+from gpszip.lossless.layout import (
+    MAX_COLUMNS,
+    Groups,
+    Runs,
+    TableLayout,
+    decode_groups,
+    decode_layout,
+    name_of_cell,
+    read_runs,
+    rows_of_runs,
+)
 from gpszip.lossless.order import decode_order, read_key
-from gpszip.lossless.rows import cut_cells, find_rows
+from gpszip.lossless.rows import check_quotes, cut_cells, find_rows
 from gpszip.lossless.text import MAX_BLOCK_BYTES, decode_block, decode_cells
 from gpszip.lossless.trails import NO_TRAILS, Trails
 from gpszip.lossless.write_logs import (
@@ -79,15 +89,12 @@ class ExactLog:
 
 @dataclass(frozen=True)
 class _Block:
-    """Bytes of text of a block, its coded bytes in the body, and runs of rows of one track.
-
-    Runs are pairs of the number of a track and a number of rows.
-    """
+    """Bytes of text of a block, its coded bytes in the body, and runs of rows of one track."""
 
     size: int
     offset: int
     length: int
-    runs: tuple[tuple[int, int], ...] = ()
+    runs: Runs = ()
 
 
 @dataclass(frozen=True)
@@ -111,6 +118,8 @@ class ExactLogs:
         In the order in which they were compressed.
     body : bytes
         Body of the section.
+    spans : tuple
+        Where parts of the joined text lie in it.
     trails : Trails, optional
         Walks that predict the logs; None in sections of kind 9.
     is_guided : bool, default False
@@ -213,6 +222,8 @@ class ExactLogs:
         ------
         CorruptArchiveError
             If a block is damaged.
+        OptionError
+            If quotes within cells hide where rows and cells end, and some are asked for.
         """
         log = self.logs[number]
         assert log.layout is not None
@@ -274,7 +285,7 @@ class ExactLogs:
                 yield self._decode(block, layout, columns)
             return
         cursor = Cursor(self.body, span.order)
-        key = read_key(cursor)
+        key = read_key(cursor, MAX_COLUMNS)
         order = decode_order(cursor, span.rows, None) if key is None else None
         if key is None and order is None:
             for block in span.blocks:
@@ -316,6 +327,8 @@ def _rows_of_text(
     decoded: Sequence[int] | None,
 ) -> bytes:
     """Rows of a track, or all, and columns of a text that holds all columns, or those decoded."""
+    if track is not None or columns is not None:
+        check_quotes(text, layout.delimiter)
     if track is not None and layout.track_column is not None:
         column = layout.track_column if decoded is None else len(decoded) - 1
         rows = find_rows(text, layout.delimiter)
@@ -340,12 +353,11 @@ def _cut(chunks: Iterator[bytes], first: int, count: int | None) -> Iterator[byt
 
 def _take_runs(text: bytes, delimiter: int, block: _Block, wanted: set[int]) -> bytes:
     """Rows of some tracks in the text of a block."""
+    check_quotes(text, delimiter)
     if all(group in wanted for group, _ in block.runs):
         return text
     rows = find_rows(text, delimiter)
-    is_wanted = np.repeat(
-        [group in wanted for group, _ in block.runs], [count for _, count in block.runs]
-    )
+    is_wanted = rows_of_runs(block.runs, wanted)
     if len(is_wanted) != len(rows):
         raise CorruptArchiveError(f"{len(rows)} rows, where {len(is_wanted)} are due", block.offset)
     return rows.pick(np.flatnonzero(is_wanted))
@@ -441,29 +453,13 @@ def _read_span(cursor: Cursor, first: int, left: int, log: ExactLog) -> _Span:
     order = cursor.offset
     cursor.read_bytes(length, "an order")
     groups = len(log.groups.cells)
-    runs = [_read_runs(cursor, groups) if count > 1 else () for _ in range(count)]
+    runs = [read_runs(cursor, groups) if count > 1 else () for _ in range(count)]
     if count > 1 and rows != sum(rows for block in runs for _, rows in block):
         raise cursor.error(f"blocks do not have {rows} rows")
     return _Span(first, size, _read_blocks(cursor, size, runs), rows, order)
 
 
-def _read_runs(cursor: Cursor, groups: int) -> tuple[tuple[int, int], ...]:
-    """Read how many rows of which tracks a block has."""
-    count = cursor.read_varint("the number of tracks in a block")
-    if count > groups:
-        raise cursor.error(f"a block of {count} tracks of {groups}")
-    group, runs = -1, []
-    for _ in range(count):
-        group += cursor.read_varint("a track") + 1
-        if group >= groups:
-            raise cursor.error(f"rows of none of {groups} tracks")
-        runs.append((group, cursor.read_varint("a number of rows")))
-    return tuple(runs)
-
-
-def _read_blocks(
-    cursor: Cursor, size: int, runs: Sequence[tuple[tuple[int, int], ...]]
-) -> tuple[_Block, ...]:
+def _read_blocks(cursor: Cursor, size: int, runs: Sequence[Runs]) -> tuple[_Block, ...]:
     """Read the heads of the blocks of a span."""
     blocks = []
     left = size
@@ -476,7 +472,7 @@ def _read_blocks(
     return tuple(blocks)
 
 
-def _read_block(cursor: Cursor, size: int, runs: tuple[tuple[int, int], ...] = ()) -> _Block:
+def _read_block(cursor: Cursor, size: int, runs: Runs = ()) -> _Block:
     """Read the length of a block, and pass over its bytes."""
     length = cursor.read_varint("the length of a block")
     block = _Block(size, cursor.offset, length, runs)

@@ -42,7 +42,7 @@ def encode_order(
     >>> order = np.array([0, 2, 4, 1, 3])
     >>> data = encode_order(order, lambda column, rows: np.arange(5)[:rows], [0])
     >>> cursor = Cursor(data)
-    >>> read_key(cursor), decode_order(cursor, 5, order).tolist()
+    >>> read_key(cursor, 1), decode_order(cursor, 5, order).tolist()
     (0, [0, 3, 1, 4, 2])
     """
     # The column by which the fewest of the first rows stand elsewhere; -1 for none.
@@ -58,9 +58,17 @@ def encode_order(
     return encode_varint(best + 1) + encode_column(differences)[0]
 
 
-def read_key(cursor: Cursor) -> int | None:
-    """Number of the column of keys, with which an order begins; None if there is none."""
+def read_key(cursor: Cursor, columns: int) -> int | None:
+    """Number of the column of keys, with which an order begins; None if there is none.
+
+    Raises
+    ------
+    CorruptArchiveError
+        If it is none of so many columns.
+    """
     column = cursor.read_varint("a column of keys")
+    if column > columns:
+        raise cursor.error(f"keys in column {column} of {columns}")
     return column - 1 if column else None
 
 

@@ -8,11 +8,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["MAX_CELL", "Rows", "cut_cells", "find_rows", "join_pieces"]
+from gpszip.errors import OptionError
+
+__all__ = [
+    "MAX_CELL",
+    "Rows",
+    "check_quotes",
+    "cut_cells",
+    "find_rows",
+    "has_stray_quotes",
+    "join_pieces",
+]
 
 #: Bytes of text.
 _NEW_LINE = 10
 _RETURN = 13
+_BLANK = 32
 _QUOTE = 34
 _ZERO = 48
 _NINE = 9  # less that of zero
@@ -149,14 +160,69 @@ def find_rows(text: bytes, delimiter: int) -> Rows:
     return Rows(array, bounds, delimiters.astype(np.int64))
 
 
+def has_stray_quotes(text: bytes, delimiter: int) -> bool:
+    r"""Whether a quote stands elsewhere than at the ends of a cell, or one is never closed.
+
+    Rows and cells can't be told apart then: who counts quotes finds others than who does not.
+
+    Parameters
+    ----------
+    text : bytes
+        Begins with a row.
+    delimiter : int
+        The byte between cells.
+
+    Examples
+    --------
+    >>> has_stray_quotes(b'a,"b ""c"" d"\n', ord(",")), has_stray_quotes(b'3" a,b\n', ord(","))
+    (False, True)
+    """
+    if _QUOTE not in text:
+        return False
+    quotes = np.flatnonzero(np.frombuffer(text, np.uint8) == _QUOTE)
+    if len(quotes) % 2:
+        return True
+
+    # Cells end at delimiters and line ends; one blank may stand between. Two quotes are one.
+    padded = np.frombuffer(b"\n\n%b\n\n" % text, np.uint8)
+    ends = [_NEW_LINE, _RETURN, delimiter]
+    for places, step in ((quotes[::2] + 2, -1), (quotes[1::2] + 2, 1)):
+        beside, beyond = padded[places + step], padded[places + 2 * step]
+        is_blank = (beside == _BLANK) & np.isin(beyond, ends)
+        if not (is_blank | np.isin(beside, [*ends, _QUOTE])).all():
+            return True
+    return False
+
+
+def check_quotes(text: bytes, delimiter: int) -> None:
+    """Refuse text with stray quotes.
+
+    Raises
+    ------
+    OptionError
+        If there are any.
+    """
+    if has_stray_quotes(text, delimiter):
+        raise OptionError(
+            "the log has a quote within a cell, so that its rows and cells can't be told apart",
+            remedy="take all of it: decompress --exact, or exact_log in Python",
+        )
+
+
 def cut_cells(text: bytes, delimiter: int, columns: Sequence[int]) -> bytes:
     r"""Text of some columns only, with a newline after each row.
+
+    Raises
+    ------
+    OptionError
+        If quotes stand within cells.
 
     Examples
     --------
     >>> cut_cells(b"a,b,c\r\nd,e,f\r\n", ord(","), [2, 0])
     b'c,a\nf,d\n'
     """
+    check_quotes(text, delimiter)
     rows = find_rows(text, delimiter)
     bounds = [rows.cells(column) for column in columns]
     starts = np.stack([start for start, _ in bounds], axis=1).ravel()

@@ -178,7 +178,7 @@ def _find_columns(
             raise cursor.error(f"a column is predicted by {sides} of {len(varying)}")
         offset = cursor.offset
         decode_grid(cursor, rows)
-        differs, is_guided = skip_column(cursor) if rows else (False, False)
+        differs, is_guided = skip_column(cursor, rows)
         places[i] = _Place(offset, tuple(varying[::-1][:sides]), is_guided)
         if i != times and differs:
             varying.append(i)

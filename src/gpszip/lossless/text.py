@@ -9,6 +9,7 @@ packed by LZMA, or stored.
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,7 +22,7 @@ from gpszip.errors import CorruptArchiveError
 from gpszip.lossless.columns import decode_column, encode_column
 from gpszip.lossless.guide_search import GuideFinder
 from gpszip.lossless.notation import decode_notation, encode_notation, find_notation
-from gpszip.lossless.rows import cut_cells
+from gpszip.lossless.rows import cut_cells, has_stray_quotes
 from gpszip.lossless.tables import decode_table, encode_table
 from gpszip.lossless.trails import Trails
 
@@ -48,6 +49,9 @@ _SHAPES_FREE = 64
 #: In a shape, this byte stands before the kind of a token; kinds are 0 to 4.
 _MARK = 0xFF
 _KINDS = 5
+
+#: A token in a shape.
+_TOKEN = re.compile(rb"\xff.", re.DOTALL)
 
 #: Kinds that have a blank between date and time, and bytes that a token takes at most.
 _KINDS_WITH_BLANKS = (2, 3)
@@ -224,11 +228,14 @@ def _decode_parts(
     size: int,
 ) -> bytes:
     """Decode parts of records: a shape of each, and which of its tokens stand there."""
-    # Where each token of a part comes from: record by record, token by token.
+    # Each token takes a byte of text, and parts no more than their records.
     kinds = [_kinds(shape) for shape in shapes]
     chosen = [part for part in parts if part is not None]
-    counts = np.array([len(tokens) for _, tokens in chosen], np.int64)
     all_counts = np.array([len(each) for each in kinds], np.int64)
+    _check_sizes(cursor, shapes, record_shapes, all_counts, size)
+
+    # Where each token of a part comes from: record by record, token by token.
+    counts = np.array([len(tokens) for _, tokens in chosen], np.int64)
     flat = np.concatenate([np.zeros(0, np.int64), *(np.array(t, np.int64) for _, t in chosen)])
     starts = np.cumsum(all_counts[record_shapes]) - all_counts[record_shapes]
     taken = counts[record_shapes]
@@ -238,8 +245,6 @@ def _decode_parts(
 
     # Decode the columns that hold any of them.
     tokens = int(all_counts[record_shapes].sum())
-    if tokens > size:
-        raise cursor.error(f"{tokens} numbers in {size} bytes")
     is_wanted = np.zeros(tokens, np.bool_)
     is_wanted[sources] = True
     values = np.zeros(tokens, np.int64)
@@ -262,11 +267,24 @@ def _decode_parts(
     return records.write_within(capacity)
 
 
+def _check_sizes(
+    cursor: Cursor, shapes: Sequence[bytes], record_shapes: _Ints, tokens: _Ints, size: int
+) -> None:
+    """Refuse records that would be longer than their text: each token takes a byte at least."""
+    # A mark and a kind stand for a token.
+    lengths = np.array([len(shape) for shape in shapes], np.int64) - tokens
+    least = int(lengths[record_shapes].sum())
+    if least > size:
+        raise cursor.error(f"records of {least} bytes at least in {size} bytes")
+
+
 def _cut_shape(
     shape: bytes, delimiter: int, columns: Sequence[int]
 ) -> tuple[bytes, list[int]] | None:
     """Shape of some cells of a row, and their tokens; None for what is no single row."""
-    if shape.count(_QUOTE) % 2 or b"\0" in _literals(shape):
+    if b"\0" in _literals(shape):
+        return None
+    if _QUOTE in shape and has_stray_quotes(_TOKEN.sub(b"0", shape), delimiter):
         return None
     # The cells, each with the number of its first token.
     cells, tokens, quoted = [bytearray()], [0], False
@@ -345,9 +363,8 @@ def _decode_tables(cursor: Cursor, size: int, trails: Trails | None) -> bytes:
     # Tokens. Each takes a byte of text, too.
     kinds = [_kinds(shape) for shape in shapes]
     tokens_of_shape = np.array([len(each) for each in kinds], np.int64)
+    _check_sizes(cursor, shapes, record_shapes, tokens_of_shape, size)
     tokens = int(tokens_of_shape[record_shapes].sum())
-    if tokens > size:
-        raise cursor.error(f"{tokens} numbers in {size} bytes")
     records = _Records(
         shapes,
         record_shapes,

@@ -19,6 +19,7 @@ from gpszip.lossless.layout import (
     TableLayout,
     encode_groups,
     encode_layout,
+    encode_runs,
     name_of_cell,
 )
 from gpszip.lossless.order import encode_order
@@ -221,7 +222,7 @@ class _Writer:
             self._join(chunk)
 
     def add_frame(self, record: _Record, source: FrameSource, chunks: Iterable[bytes]) -> bool:
-        """Write a log of columns with types, unless they take more bytes than the log itself."""
+        """Write a log of columns with types, unless the log itself takes fewer bytes or memory."""
         from gpszip.lossless.frame_logs import write_spans
 
         self.flush()
@@ -229,8 +230,12 @@ class _Writer:
         for _ in _counted(record, chunks):
             pass
         has_found = self.finder.has_found
-        write_spans(source, self.finder, record.cells, self._spool)
-        if self._spool.tell() - start < record.size:
+        try:
+            write_spans(source, self.finder, record.cells, self._spool)
+            is_smaller = self._spool.tell() - start < record.size
+        except OverflowError:
+            is_smaller = False
+        if is_smaller:
             record.kind, record.frame = FRAMES, source.head
             self.records.append(record)
             return True
@@ -297,7 +302,7 @@ class _Writer:
         if len(groups) and len(bounds) > _ONE_BLOCK:
             row_bounds = np.searchsorted(rows.bounds, bounds)
             for first, after in itertools.pairwise(row_bounds.tolist()):
-                parts.append(_encode_runs(groups[first:after]))
+                parts.append(encode_runs(groups[first:after]))
 
         # The blocks.
         self._spool.write(b"".join(parts))
@@ -368,15 +373,6 @@ def _block_bounds(rows: Rows, groups: _Ints) -> _Ints:
         bounds.append(end)
         row = after
     return np.array(bounds, np.int64)
-
-
-def _encode_runs(groups: _Ints) -> bytes:
-    """Encode how many rows a block has of which tracks."""
-    found, counts = np.unique(groups, return_counts=True)
-    gaps = np.diff(found, prepend=-1) - 1
-    pairs = zip(gaps.tolist(), counts.tolist(), strict=True)
-    runs = [encode_varint(gap) + encode_varint(count) for gap, count in pairs]
-    return encode_varint(len(found)) + b"".join(runs)
 
 
 def _suits(layout: TableLayout, head: bytes) -> bool:
