@@ -9,6 +9,7 @@ import pytest
 import gpszip
 from gpszip.matching.reach import choose_reach, log_noise
 from gpszip.matching.viterbi import Observations
+from gpszip.model.grid import step_size
 from gpszip.pipeline.live import roads_and_scales
 
 #: Metres between the street that was learned and the one beside it.
@@ -66,6 +67,17 @@ def test_reach_is_that_of_the_errors_of_map_and_log(street):
     assert 1 < network.error < 5
     assert choose_reach(network, 40.0) == pytest.approx(6 * math.hypot(network.error, 40.0))
     assert choose_reach(replace(network, error=None)) == math.inf
+
+
+def test_a_map_rounded_to_lines_is_as_good_as_its_grid():
+    # A mower with a precise receiver on straight lanes: all knots lie on the lines of the map.
+    times = np.arange(400.0)
+    x = np.abs(times % 100 - 50)
+    exact = gpszip.Track("mower", times, np.stack([x, 0.3 * np.sin(x / 9)], axis=1))
+    lanes = gpszip.compress(exact, rmse=1.0, effort=1)
+    network, _ = roads_and_scales(lanes, None)
+    assert network.error == pytest.approx(step_size(lanes.grid.space))
+    assert gpszip.match(exact, lanes).share == 1
 
 
 def test_noise_is_that_of_positions():

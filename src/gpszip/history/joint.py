@@ -81,7 +81,7 @@ def join_histories(first: Archive, second: Archive) -> tuple[History, NDArray[np
     resolution = max(step_size(archive.grid.space) for archive in (first, second))
     road_map = build_road_map(np.concatenate(nodes), walks, plane=plane)
     network = clean_map_network(
-        clean_map(road_map, walks, resolution), "both archives", plane=plane
+        clean_map(road_map, walks, resolution), "both archives", resolution, plane=plane
     )
     rows = match_traversals(pieces, network, ids, owners, gap=np.inf, are_knots=True)
     return History(network, rows), rows.track >= len(first.ids)

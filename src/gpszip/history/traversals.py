@@ -31,6 +31,7 @@ from gpszip.history.turning import Legs, remove_wandering
 from gpszip.io.networks.from_archive import clean_map_network
 from gpszip.matching.match import match
 from gpszip.model import Network, Track
+from gpszip.model.grid import step_size
 from gpszip.model.match import Match
 from gpszip.model.text import count_text
 
@@ -221,7 +222,10 @@ def read_history(archive: Archive) -> History:
     [10.0, 20.0, 30.0, 39.0]
     """
     # The archive knows its gaps, so that none is sought.
-    network = clean_map_network(archive.clean_map(), "the archive", plane=archive.grid.plane)
+    grid = archive.grid
+    network = clean_map_network(
+        archive.clean_map(), "the archive", step_size(grid.space), plane=grid.plane
+    )
     pieces = archive.decompress()
     number, names = {track: i for i, track in enumerate(archive.ids)}, archive.pieces
     owners = [number[names[piece.id]] for piece in pieces]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,10 @@ class Scales:
     heading: float = math.inf
     averaging_window: int = 1
     reach: float = math.inf
+
+    def __repr__(self) -> str:
+        facts = (f"{each.name}={getattr(self, each.name):.4g}" for each in fields(self))
+        return f"Scales({', '.join(facts)})"
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from gpszip.archive import Archive, open_archive
 from gpszip.errors import CorruptArchiveError, MapError
 from gpszip.model import CleanMap, Listener, Network, Plane, Progress, Track
+from gpszip.model.grid import step_size
 
 if TYPE_CHECKING:
     from gpszip.io.networks.prepared import PreparedNetwork
@@ -108,8 +109,8 @@ def network_for(tracks: Sequence[Track] | Track, network: _Roads) -> Network:
 
     # All edges of an archive keep their numbers, so that routes of several logs can be compared.
     near = [tracks] if isinstance(tracks, Track) else tracks
-    clean_map, name = _clean_map(network)
-    return clean_map_network(clean_map, name, plane=near[0].plane if near else None, near=near)
+    plane = near[0].plane if near else None
+    return clean_map_network(*_clean_map(network), plane=plane, near=near)
 
 
 def _with_clean_maps(source: Any) -> list[Any]:
@@ -130,12 +131,13 @@ def _clean_map_lines(source: Archive | Any) -> Any:
     return clean_map_lines(*_clean_map(source))
 
 
-def _clean_map(source: Archive | Any) -> tuple[CleanMap, str]:
-    """Clean map of an archive, or of its file, and its name."""
+def _clean_map(source: Archive | Any) -> tuple[CleanMap, str, float]:
+    """Clean map of an archive, or of its file, its name, and the steps of its grid in metres."""
     if isinstance(source, Archive):
-        return source.clean_map(), "the archive"
+        return source.clean_map(), "the archive", step_size(source.grid.space)
     try:
-        return open_archive(source).clean_map(), str(source)
+        archive = open_archive(source)
+        return archive.clean_map(), str(source), step_size(archive.grid.space)
     except CorruptArchiveError as error:
         raise CorruptArchiveError(
             error.reason, path=str(source), remedy="fetch or make it again"

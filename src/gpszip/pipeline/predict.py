@@ -61,7 +61,7 @@ def predict(
     # What is known, and the traversals of the log on the same edges.
     history = read_history(archive)
     predictor = Predictor(history, timezone=timezone)
-    rows, trips = history.traversals, predictor.trips
+    rows, trips = history.traversals, predictor._trips
     if tracks is not None:
         network = network_for(tracks, archive)
         ids = tuple(track.id for track in tracks)

@@ -466,14 +466,14 @@ class Predictor:
         return band_factor(self._times, self._traversals)
 
     @cached_property
-    def trips(self) -> TripRows:
+    def _trips(self) -> TripRows:
         """Trips of the archive, as slices of its traversals."""
         return trips_of_history(self._history)
 
     @cached_property
     def _destinations(self) -> DestinationModel:
         """Ends of the archive's trips, which only :meth:`destination` needs."""
-        rows, trips = self._traversals, self.trips
+        rows, trips = self._traversals, self._trips
         order = self._order[trips.of[self._order] >= 0]
         ends = TripEnds(
             nearest_ends(self.network, rows, trips.after - 1),

@@ -18,7 +18,12 @@ __all__ = ["clean_map_lines", "clean_map_network"]
 
 
 def clean_map_network(
-    clean_map: CleanMap, name: str, *, plane: Plane | None = None, near: Sequence[Track] = ()
+    clean_map: CleanMap,
+    name: str,
+    resolution: float,
+    *,
+    plane: Plane | None = None,
+    near: Sequence[Track] = (),
 ) -> Network:
     """Return all edges of a clean map as a network.
 
@@ -31,6 +36,8 @@ def clean_map_network(
         The map.
     name : str
         Name of its archive.
+    resolution : float
+        Metres of the steps of the archive's grid: its map errs by about as much.
     plane : Plane, optional
         The planes of the network; by default those of the map.
     near : sequence of Track
@@ -48,13 +55,13 @@ def clean_map_network(
         )
 
     # The part near the log is built only to find out whether there is one.
-    roads = build_road_graph(clean_map_lines(clean_map, name))
+    roads = build_road_graph(clean_map_lines(clean_map, name, resolution))
     if near:
         build_network(roads, plane=plane, near=near)
     return build_network(roads, plane=plane or clean_map.plane).network
 
 
-def clean_map_lines(clean_map: CleanMap, name: str) -> RoadLines:
+def clean_map_lines(clean_map: CleanMap, name: str, resolution: float) -> RoadLines:
     """Return the edges of a clean map as road lines.
 
     Every edge may be travelled both ways: if the log has travels in one direction only, the other
@@ -66,6 +73,8 @@ def clean_map_lines(clean_map: CleanMap, name: str) -> RoadLines:
         The map.
     name : str
         Name of its archive.
+    resolution : float
+        Metres of the steps of the archive's grid.
 
     Returns
     -------
@@ -94,15 +103,15 @@ def clean_map_lines(clean_map: CleanMap, name: str) -> RoadLines:
         users=np.full(count, RoadUsers.ANYBODY, np.uint8),
         ids=pa.array([str(i) for i in range(count)], pa.string()),
         names=pa.nulls(count, pa.string()),
-        error=_median_width(clean_map),
+        error=max(_median_width(clean_map), resolution),
     )
 
 
-def _median_width(clean_map: CleanMap) -> float | None:
-    """Width of half of all metres of edges, the error of a map; None where no edge has any."""
+def _median_width(clean_map: CleanMap) -> float:
+    """Width of half of all metres of edges, which is 0 where all knots are rounded to one line."""
     known = np.flatnonzero(np.isfinite(clean_map.width))
     if not len(known):
-        return None
+        return 0.0
     order = known[np.argsort(clean_map.width[known], kind="stable")]
     travelled = np.cumsum(clean_map.length[order])
     return float(clean_map.width[order][np.searchsorted(travelled, travelled[-1] / 2)])

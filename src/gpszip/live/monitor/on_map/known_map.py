@@ -157,7 +157,7 @@ class KnownMap:
 
     def _find_trip_ends(self) -> Floats:
         """Positions at which the trips of the archive end, shape (t, 2)."""
-        last = self.predictor.trips.after - 1
+        last = self.predictor._trips.after - 1
         places = zip(self.rows.edge[last].tolist(), self.rows.end[last].tolist(), strict=True)
         positions = [self._position_on(edge, end)[:2] for edge, end in places]
         return np.array(positions, np.float64).reshape(-1, 2)
