@@ -10,7 +10,7 @@ from gpszip.run.executor import LocalValue, Serial
 GRID = QuantisationGrid((0, 0), 0, 100, 100)
 
 
-class Halver:
+class Saver:
     """In the place of a search: notes the work that it is given, and saves a byte each time."""
 
     def __init__(self):
@@ -29,7 +29,7 @@ def solutions(sizes, knots):
 
 
 def improve(sizes, knots, work):
-    search = Halver()
+    search = Saver()
     best = improve_smallest(LocalValue(Serial(), search), solutions(sizes, knots), work)
     return best, search.work
 

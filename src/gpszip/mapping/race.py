@@ -1,8 +1,8 @@
 """A race of trials, for efforts above the default: many begin, and the best go on.
 
-It follows successive halving (Jamieson and Talwalkar, 2016): what a heat costs for one trial grows
-from heat to heat, and the number of trials falls. Work is counted in slots and encoded knots, not
-in seconds, so that each run takes the same way.
+It follows Jamieson and Talwalkar (2016): from heat to heat, what one trial may cost grows, and the
+number of trials falls. Work is counted in slots and encoded knots, not in seconds, so that the same
+log gives the same bytes on any machine.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ _R2_STEPS = (0.7548776662466927, 0.5698402909980532)
 #: Leader radii of trials, one after the other.
 _LEADER_RADII = (0.0, 1.2, 2.0, 0.7, 1.2)
 #: Powers of the distances from the chosen trial, in turn: the higher one leads to trials near it.
-_POWERS = (2.0, 1.0)
+_POWERS = (1.0, 3.0)
 
 
 @dataclass(eq=False)
@@ -203,7 +203,7 @@ def spread_trials(chosen: Trial, count: int) -> list[Trial]:
     Examples
     --------
     >>> [round(trial.space, 2) for trial in spread_trials(Trial(1.0, 1.0, 0.0), 3)]
-    [1.0, 1.26, 1.57]
+    [1.0, 1.06, 1.59]
     """
     trials = []
     for number in range(count):
