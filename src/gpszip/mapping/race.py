@@ -169,7 +169,7 @@ class Race:
         best = [number for number in ranking if sizes[number] < NEVER][: self.searches]
         jobs = [(trials[number], looks[number]) for number in best]
         results = counter.follow(shared.map(_search, jobs))
-        found = [Solution(*result) for result in results if result.outcome is not None]
+        found = [Solution(grid, outcome) for grid, outcome in results if outcome is not None]
 
         # Improve the smallest heat by heat, among them the known one.
         found = distinct([*found, first] if first else found)
@@ -196,20 +196,20 @@ def plan_race(effort: int, slots: int) -> Race | None:
 def spread_trials(chosen: Trial, count: int) -> list[Trial]:
     """Trials around the chosen one, spread evenly whatever their number.
 
-    Number i lies at the fractions 1/2 - i s of the logarithmic ranges, s the steps of the sequence;
+    Number i lies at the fractions 1/2 + i s of the logarithmic ranges, s the steps of the sequence;
     number 0 is the chosen one itself. Every other trial lies nearer to it: some logs take fewest
     bytes with steps close to those chosen, others with steps far from them.
 
     Examples
     --------
     >>> [round(trial.space, 2) for trial in spread_trials(Trial(1.0, 1.0, 0.0), 3)]
-    [1.0, 1.06, 1.59]
+    [1.0, 0.95, 0.63]
     """
     trials = []
     for number in range(count):
         power = _POWERS[number % len(_POWERS)]
         space, time = (
-            factor ** _bend(1 - 2 * math.modf(0.5 + number * step)[0], power)
+            factor ** _bend(2 * math.modf(0.5 + number * step)[0] - 1, power)
             for factor, step in zip(_SPREAD, _R2_STEPS, strict=True)
         )
         radius = _LEADER_RADII[number % len(_LEADER_RADII)]

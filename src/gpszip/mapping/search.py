@@ -104,7 +104,7 @@ def learn_map(
     max_error : float, optional
         Largest distance of any sample, in metres. At least one of the two bounds must be given.
     effort : int, default 5
-        From 1 (one start) to 9 (up to 32): how many slots all starts together may take.
+        From 1 (one start) to 9: how many slots all starts together may take.
     executor : Executor, optional
         Runs the searches; their results do not depend on it.
     progress : callable, optional
@@ -168,7 +168,7 @@ def _find_solution(
     with share_value(None if first.is_hasty else executor, first) as shared:
         results = counter.follow(shared.map(_run, zip(trials, starts, strict=True)))
         finalists = _select_finalists(
-            [Solution(*each) for each in results if each.outcome is not None], search.effort
+            [Solution(grid, found) for grid, found in results if found is not None], search.effort
         )
         best = min(shared.map(_improve_walks, finalists), key=_cost_of, default=None)
 
@@ -206,14 +206,6 @@ def _choose_subsample(search: Search) -> Search:
     if slots < _QUICK_SLOTS:
         return subsample
     return replace(subsample, rounds=_QUICK_ROUNDS, is_quick=True)
-
-
-def _run(search: Search, job: tuple[Trial, TrialResult | None]) -> TrialResult:
-    return search.run(*job)
-
-
-def _improve_walks(search: Search, solution: Solution) -> Solution:
-    return search.improve_walks(solution)
 
 
 def _choose_steps(search: Search, shared: SharedValue[Search]) -> tuple[Trial, TrialResult]:

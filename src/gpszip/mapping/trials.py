@@ -379,12 +379,6 @@ def _cut_track(track: Track, count: int) -> Track:
     return Track(track.id, track.times[:count], track.positions[:count], weights, plane=track.plane)
 
 
-def _cut_track(track: Track, count: int) -> Track:
-    """The first ``count`` samples of a track."""
-    weights = None if track.weights is None else track.weights[:count]
-    return Track(track.id, track.times[:count], track.positions[:count], weights, plane=track.plane)
-
-
 def _build_grid(
     tracks: Sequence[Track], rmse: float, speed: float, trial: Trial
 ) -> QuantisationGrid:
