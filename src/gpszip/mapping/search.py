@@ -104,7 +104,7 @@ def learn_map(
     max_error : float, optional
         Largest distance of any sample, in metres. At least one of the two bounds must be given.
     effort : int, default 5
-        From 1 (one start) to 9: how many slots all starts together may take.
+        From 1 (one start) to 9. Above 5, a race of further trials follows.
     executor : Executor, optional
         Runs the searches; their results do not depend on it.
     progress : callable, optional
