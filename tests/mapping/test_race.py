@@ -104,14 +104,15 @@ def test_the_smallest_once_encoded_wins():
 def test_trials_spread_around_the_chosen_steps():
     chosen = Trial(0.8, 1.4, 2.0)
     trials = [spread_trial(chosen, [], number) for number in range(60)]
-    space, time = np.log([[trial.space / 0.8, trial.time / 1.4] for trial in trials]).T
+    factors = [[trial.space / 0.8, trial.time / 1.4] for trial in trials]
+    space, time = np.log(factors[1:]).T
     trade, scale = (time - space) / 2, (time + space) / 2
     assert (trials[0].space, trials[0].time) == (chosen.space, chosen.time)
     assert len(set(trials)) == 60
     # As many below as above, in all of the range, and farther where sizes change little.
-    for factors, largest in ((trade, 1.7), (scale, 1.2)):
-        assert abs((factors > 0).mean() - 0.5) < 0.05
-        assert 0.95 * np.log(largest) < np.abs(factors).max() <= np.log(largest)
+    for logs, largest in ((trade, 1.7), (scale - np.log(1.05), 1.17)):
+        assert abs((logs > 0).mean() - 0.5) < 0.05
+        assert 0.95 * np.log(largest) < np.abs(logs).max() <= np.log(largest)
 
 
 def test_trials_near_the_best_lie_in_smaller_ranges():

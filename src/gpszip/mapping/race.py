@@ -1,15 +1,16 @@
 """A race of trials, for efforts above the default: many begin, and the best go on.
 
-It follows Jamieson and Talwalkar (2016): from heat to heat, what one trial may cost grows, and the
-number of trials falls. Work is counted in slots and encoded knots, not in seconds, so that the same
-log gives the same bytes on any machine.
+First looks go to step sizes everywhere, and around the best so far. The race follows Jamieson and
+Talwalkar (2016): from heat to heat, what one trial may cost grows, and the number of trials falls.
+Work is counted in slots and encoded knots, not in seconds, so that the same log gives the same
+bytes on any machine.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from gpszip.codec.modes import encode_smallest
@@ -28,7 +29,7 @@ _FEWEST_LOOKS = (1, 2, 4, 7)
 #: Slots that all first looks may take together. 5,000 take about 0.05 s.
 _SLOTS = (130_000, 220_000, 400_000, 900_000)
 #: Knots that all local searches may encode. A million take 2 to 3 s.
-_WORK = (300_000, 700_000, 1_900_000, 4_500_000)
+_WORK = (450_000, 900_000, 1_900_000, 4_500_000)
 
 #: Shares of the trials that are searched after a first look where the log is large, and where it is
 #: small: ranks of looks correlate with those of the walks at last by 0.94 for a taxi of 4,281
@@ -69,8 +70,8 @@ _ENCODED = 3
 #: Heats of local search. The last one goes on until little is left to improve.
 _HEATS = (
     _Heat(200, 0.5, share=0.35, most=16),
-    _Heat(1000, 1.5, share=0.5, most=10),
-    _Heat(5000, 6.0, share=1.0, most=3),
+    _Heat(1000, 1.5, share=0.5, most=6),
+    _Heat(5000, 6.0, share=1.0, most=2),
 )
 #: Least work of the last heat: of a taxi with 1,800 knots, 0.33 K^2 saved 0.2 % in 2 s; of one with
 #: 490, 0.6 K^2 saved 2.8 % in 0.5 s.
@@ -80,7 +81,10 @@ _LEAST_HEAT = _Heat(160, 0.5)
 #: way round: either error grows as the other one falls, so that sizes change little.
 _TRADE = 1.7
 #: Largest factor by which they make both steps finer or coarser: sizes change more.
-_SCALE = 1.2
+_SCALE = 1.17
+#: Factor on both steps in the middle of these ranges: walks are often smallest on steps a little
+#: coarser than those chosen after few rounds.
+_MIDDLE = 1.05
 #: Steps of the R2 sequence (Roberts, 2018) by which trials spread evenly between these factors.
 _R2_STEPS = (0.5698402909980532, 0.7548776662466927)
 #: Leader radii of trials, one after the other.
@@ -243,25 +247,32 @@ def plan_race(effort: int, slots: int) -> Race | None:
 
 
 def spread_trial(chosen: Trial, best: Sequence[Trial], number: int) -> Trial:
-    """Trial of this number: they spread evenly, however many there are.
+    """Trial of this number: trials spread evenly, however many there are.
 
-    Number i lies at the fractions 1/2 + i s of the logarithmic ranges, s the steps of the sequence.
+    Number 0 has the step sizes chosen. Number i lies at the fractions 1/2 + i s of the logarithmic
+    ranges, s the steps of the sequence.
 
     Parameters
     ----------
     chosen : Trial
-        The step sizes chosen, in the middle of the ranges.
+        The step sizes chosen.
     best : sequence of Trial
         The best trials so far, around which most lie, in smaller ranges; none at the beginning.
     number : int
-        From 0, which has the chosen step sizes.
+        From 0.
     """
+    # The first trial is the chosen one, others lie around the middle or around the best so far.
+    if number == 0:
+        return replace(chosen, leader_radius=_LEADER_RADII[0])
     reach = _REACHES[number % len(_REACHES)] if best else 1.0
     centre = best[number % len(best)] if reach < 1 else chosen
+
+    # Spread them evenly.
     trade, scale = (
         factor ** (reach * (2 * math.modf(0.5 + number * step)[0] - 1))
         for factor, step in zip((_TRADE, _SCALE), _R2_STEPS, strict=True)
     )
+    scale *= _MIDDLE if reach == 1 else 1.0
     radius = _LEADER_RADII[number % len(_LEADER_RADII)]
     return Trial(centre.space * scale / trade, centre.time * scale * trade, radius)
 
