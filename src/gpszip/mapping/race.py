@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from gpszip.codec.modes import encode_smallest
@@ -249,8 +249,8 @@ def plan_race(effort: int, slots: int) -> Race | None:
 def spread_trial(chosen: Trial, best: Sequence[Trial], number: int) -> Trial:
     """Trial of this number: trials spread evenly, however many there are.
 
-    Number 0 has the step sizes chosen. Number i lies at the fractions 1/2 + i s of the logarithmic
-    ranges, s the steps of the sequence.
+    Number i lies at the fractions 1/2 + i s of the logarithmic ranges, s the steps of the sequence;
+    number 0 is their middle.
 
     Parameters
     ----------
@@ -261,13 +261,8 @@ def spread_trial(chosen: Trial, best: Sequence[Trial], number: int) -> Trial:
     number : int
         From 0.
     """
-    # The first trial is the chosen one, others lie around the middle or around the best so far.
-    if number == 0:
-        return replace(chosen, leader_radius=_LEADER_RADII[0])
     reach = _REACHES[number % len(_REACHES)] if best else 1.0
     centre = best[number % len(best)] if reach < 1 else chosen
-
-    # Spread them evenly.
     trade, scale = (
         factor ** (reach * (2 * math.modf(0.5 + number * step)[0] - 1))
         for factor, step in zip((_TRADE, _SCALE), _R2_STEPS, strict=True)
