@@ -21,7 +21,7 @@ from gpszip.mapping.plan import (
     is_dense,
 )
 from gpszip.mapping.rounds import Outcome, fit
-from gpszip.mapping.search import RMSE_PER_MAX_ERROR, SLOTS_BY_EFFORT
+from gpszip.mapping.search import RMSE_PER_MAX_ERROR
 from gpszip.mapping.time_grid import build_time_grid, count_slots, sparsify
 from gpszip.model import GridWalks, QuantisationGrid, Track
 from gpszip.model.grid import MAX_REFINEMENTS, step_size
@@ -54,6 +54,9 @@ _STARTS = tuple(
     for window in (24, 12, 40)
     for leader_radius in (1.2, 2.0, 0.0, 0.7)
 )
+
+#: Slots that all starts of one log may take together, at efforts 1 to 9.
+_SLOTS_BY_EFFORT = (0, 4_000, 8_000, 14_000, 25_000, 60_000, 150_000, 500_000, 2_000_000)
 
 #: Largest number of starts, at efforts 1 to 9.
 _MAX_STARTS = (1, 3, 4, 4, 8, 8, 12, 12, 12)
@@ -256,7 +259,7 @@ def learn_on(
     # The fewer slots the tracks have, the more starts.
     slots = count_slots(tracks, gaps, grid)
     starts = _STARTS[
-        : max(1, min(_MAX_STARTS[effort - 1], int(share * SLOTS_BY_EFFORT[effort - 1]) // slots))
+        : max(1, min(_MAX_STARTS[effort - 1], int(share * _SLOTS_BY_EFFORT[effort - 1]) // slots))
     ]
     search = _Search(
         tuple(tracks),

@@ -19,7 +19,7 @@ from gpszip.archive import (
 )
 from gpszip.codec.numbering import number_by_visit
 from gpszip.errors import BoundError, OptionError
-from gpszip.mapping.search import suggest_time_step
+from gpszip.mapping.trials import suggest_time_step
 from gpszip.model import GridWalk, GridWalks, Listener, Options, Plane, Report, Track
 from gpszip.model.error_bound import ErrorBound, rounded_bounds
 from gpszip.model.grid import step_size
