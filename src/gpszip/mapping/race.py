@@ -29,7 +29,7 @@ _FEWEST_LOOKS = (1, 2, 4, 7)
 #: Slots that all first looks may take together. 5,000 take about 0.05 s.
 _SLOTS = (130_000, 220_000, 400_000, 900_000)
 #: Knots that all local searches may encode. A million take 2 to 3 s.
-_WORK = (500_000, 900_000, 1_900_000, 4_500_000)
+_WORK = (500_000, 2_200_000, 4_200_000, 7_200_000)
 
 #: Shares of the trials that are searched after a first look where the log is large, and where it is
 #: small: ranks of looks correlate with those of the walks at last by 0.94 for a taxi of 4,281
