@@ -74,7 +74,8 @@ def test_waypoints_are_fewest_on_a_ring_and_all_on_a_complete_graph():
 def test_memory_is_measured_beyond_what_was_there():
     with measured_memory() as memory:
         np.ones(20_000_000)
-    assert memory.bytes is None or 150e6 < memory.bytes < 400e6
+    # Other threads may give some of theirs back meanwhile.
+    assert memory.bytes is None or 120e6 < memory.bytes < 400e6
     with measured_memory() as small:
         sum(range(10))
     assert small.bytes is None or small.bytes < 20e6
