@@ -29,6 +29,8 @@ def test_a_reader_that_ended_takes_nothing_from_the_next(monkeypatch):
     async def read_all(descriptor):
         return b"".join([c async for c in stdin.read_descriptor_chunks(descriptor) if c])
 
+    others = set(threading.enumerate())
+
     # The number of the first pipe becomes that of the second, as when input is redirected.
     number, writer = os.pipe()
     os.write(writer, b"first")
@@ -36,14 +38,15 @@ def test_a_reader_that_ended_takes_nothing_from_the_next(monkeypatch):
     reader, second_writer = os.pipe()
     os.dup2(reader, number)
     os.write(second_writer, b"second")
+    readers = set(threading.enumerate()) - others
+    assert readers
     go_on.set()
     os.close(writer)
-    ended = [thread for thread in threading.enumerate() if thread.name.endswith("(read)")]
-    for thread in ended:
+    for thread in readers:
         thread.join(60)
+        assert not thread.is_alive()
     os.close(second_writer)
 
-    assert ended
     assert asyncio.run(read_all(number)) == b"second"
     for descriptor in (number, reader):
         os.close(descriptor)
